@@ -6,7 +6,6 @@
 use crate::cli;
 use crate::compare::{self, CompareArgs};
 use crate::fit::{self, FitArgs};
-use crate::observe::planned;
 use crate::output::{Console, OutputArgs};
 use crate::reduce;
 use anyhow::{Context as _, bail};
@@ -21,6 +20,8 @@ use sunglint_drivers::clock::Cancel;
 use sunglint_formats::ecsv;
 use sunglint_inference::fit::PassFit;
 use sunglint_numerics::progress::Silent;
+use sunglint_rehearsal::demo::{self, FILES};
+use sunglint_rehearsal::planned;
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -36,15 +37,8 @@ pub struct DemoArgs {
     pub open: bool,
 }
 
-/// The files that a person may change and use again.
-const FILES: [(&str, &str); 6] = [
-    ("pass.toml", include_str!("demo/pass.toml")),
-    ("sphere.toml", include_str!("demo/sphere.toml")),
-    ("night.toml", include_str!("demo/night.toml")),
-    ("devices.toml", include_str!("demo/devices.toml")),
-    ("virtual.toml", include_str!("demo/virtual.toml")),
-    ("satellites.tle", include_str!("demo/satellites.tle")),
-];
+/// Name and version that stand in the session.
+const PROGRAM: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"));
 /// Name of the file that says what is made besides.
 const README: &str = "README.txt";
 const SIMULATED: &str = "simulated";
@@ -198,10 +192,8 @@ impl<'a> Work<'a> {
             std::fs::create_dir_all(&path)
                 .with_context(|| format!("cannot create the folder {}", path.display()))?;
         }
-        for (name, text) in FILES {
-            // The seed of the command line is added to the file's own.
-            let own = format!("seed = {}\n", seed.wrapping_add(1));
-            self.write(name, &text.replace("seed = 1\n", &own))?;
+        for (name, text) in demo::files(seed) {
+            self.write(name, &text)?;
         }
         Ok(())
     }
@@ -222,7 +214,7 @@ impl<'a> Work<'a> {
 
     fn observe(&mut self) -> anyhow::Result<()> {
         self.said.push(format!("sunglint observe night.toml -o {SESSION}"));
-        let (night, _) = planned(&self.path("night.toml"), Some(&self.path(SESSION)))?;
+        let (night, _) = planned(&self.path("night.toml"), Some(&self.path(SESSION)), PROGRAM)?;
         let summary = night.run(&Cancel::new(), &mut |_| {})?;
         if summary.not_written > 0 || summary.stopped {
             bail!("{} bins or frames of the virtual night were not written", summary.not_written);

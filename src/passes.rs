@@ -8,11 +8,11 @@ use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use sunglint_ephemeris::orbit::elements;
-use sunglint_ephemeris::orbit::tle::{self, Tle};
+use sunglint_ephemeris::orbit::tle::{self, ObjectsError, Tle};
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
@@ -32,7 +32,7 @@ use sunglint_report::passes::PassesReport;
 use sunglint_report::preflight::{plan_text, text as preflight_text};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::sightings::{
-    Model, Photometer, SeenPass, SightingFailure, SightingFilter, SightingLight, find,
+    Model, Photometer, SeenPass, SightingFilter, SightingLight, find, read_sets,
 };
 use sunglint_simulator::target::Target;
 
@@ -212,8 +212,10 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         .iter()
         .map(|(path, sha256)| Input { file: path.display().to_string(), sha256: sha256.clone() })
         .collect();
-    let (mut tles, mut failures) = read_all(&args.tle, &mut inputs)?;
-    tles = args.chosen(tles, from)?;
+    let sets = read_sets(&args.tle)?;
+    inputs.extend(sets.inputs);
+    let mut failures = sets.failures;
+    let tles = tle::of_objects(sets.good, &args.norad, &args.name, from).map_err(asked)?;
     let user_orientation = match &args.earth_orientation {
         None => None,
         Some(path) => {
@@ -308,6 +310,14 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         orientation,
     };
     finish(&report, planned.as_ref(), &out, console)
+}
+
+/// The error with the option that it is about.
+fn asked(error: ObjectsError) -> Usage {
+    match error {
+        ObjectsError::Number(error) => Usage(format!("--norad: {error}")),
+        error @ ObjectsError::Name { .. } => Usage(format!("--name {error}")),
+    }
 }
 
 /// Writes and prints it. The sky plot is no figure of panels: its files are written beside the product's, all or none.
@@ -568,46 +578,6 @@ impl PassesArgs {
         }
         Ok(Brightness::Sphere { diameter_m, reflectance })
     }
-
-    /// The sets of the objects that were asked for, one each: the one whose epoch is nearest to the window's begin.
-    fn chosen(&self, tles: Vec<Tle>, from: Epoch) -> anyhow::Result<Vec<Tle>> {
-        if tles.is_empty() {
-            return Ok(tles);
-        }
-        let mut numbers = Vec::new();
-        for wanted in &self.norad {
-            match tle::choose(&tles, Some(wanted), Some(from)) {
-                Ok(tle) => numbers.push(tle.norad_id),
-                Err(error) => return Err(Usage(format!("--norad: {error}")).into()),
-            }
-        }
-        let lower = |text: &str| text.to_lowercase();
-        for wanted in &self.name {
-            let has = |t: &Tle| t.name.as_ref().is_some_and(|n| lower(n).contains(&lower(wanted)));
-            let before = numbers.len();
-            numbers.extend(tles.iter().filter(|t| has(t)).map(|t| t.norad_id));
-            if numbers.len() == before {
-                let error = tle::choose(&tles, Some(wanted), Some(from)).err();
-                let error = error.map_or("no name contains it".into(), |e| e.to_string());
-                return Err(Usage(format!("--name {wanted}: {error}")).into());
-            }
-        }
-        let all = self.norad.is_empty() && self.name.is_empty();
-        let mut nearest: BTreeMap<u32, Tle> = BTreeMap::new();
-        let age = |t: &Tle| (t.epoch - from).abs();
-        for tle in tles {
-            if !all && !numbers.contains(&tle.norad_id) {
-                continue;
-            }
-            match nearest.get(&tle.norad_id) {
-                Some(known) if age(known) <= age(&tle) => {}
-                _ => {
-                    nearest.insert(tle.norad_id, tle);
-                }
-            }
-        }
-        Ok(nearest.into_values().collect())
-    }
 }
 
 /// The file beside a plan that holds its elements: two lines where they can be written so, else OMM.
@@ -743,29 +713,6 @@ fn text_of(path: &Path, inputs: &mut Vec<Input>) -> anyhow::Result<String> {
     let sha256 = sunglint_formats::sha256(&bytes);
     inputs.push(Input { file: path.display().to_string(), sha256 });
     Ok(sunglint_formats::read::decode(path, bytes)?)
-}
-
-/// The sets of all files; sets that are none become failures, and files without a single good set are refused.
-fn read_all(
-    paths: &[PathBuf],
-    inputs: &mut Vec<Input>,
-) -> anyhow::Result<(Vec<Tle>, Vec<SightingFailure>)> {
-    let (mut tles, mut failures) = (Vec::new(), Vec::new());
-    for path in paths {
-        let (good, mut bad) = elements::parse_lenient(path, &text_of(path, inputs)?);
-        if good.is_empty() && !bad.is_empty() {
-            return Err(bad.swap_remove(0).into());
-        }
-        tles.extend(good);
-        failures.extend(bad.into_iter().map(|error| SightingFailure {
-            what: match error.line {
-                Some(line) => format!("{}:{line}", path.display()),
-                None => path.display().to_string(),
-            },
-            why: error.to_string(),
-        }));
-    }
-    Ok((tles, failures))
 }
 
 /// A built-in target, or one of a file.

@@ -264,7 +264,7 @@ fn the_commands_of_the_page_run() {
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/active.md");
     let page = std::fs::read_to_string(page).unwrap();
     std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/src/demo/pass.toml");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/rehearsal/demo/pass.toml");
     std::fs::copy(scene, folder.path("sunglint-demo/pass.toml")).unwrap();
     let laser = page.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
     let scene = folder.path("sunglint-demo/pass.toml");

@@ -179,7 +179,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     for law in [&[][..], &["--standard-magnitude", "4"], &["--model", "box_wing"]] {
         keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
     }
-    let devices = read("src/demo/devices.toml");
+    let devices = read("rehearsal/demo/devices.toml");
     std::fs::write(folder.path("instruments.toml"), devices).unwrap();
     let plan =
         ["passes", "--tle", "some.tle", "--json", "--name", "leo", "--devices", "instruments.toml"];

@@ -188,7 +188,7 @@ fn the_commands_of_the_page_run() {
     assert!(commands.len() >= 6);
     // What the demonstration leaves of it is enough.
     std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/src/demo/pass.toml");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/rehearsal/demo/pass.toml");
     std::fs::copy(scene, folder.path("sunglint-demo/pass.toml")).unwrap();
     for command in commands.into_iter().filter(|c| !c.starts_with("demo")) {
         folder.done(&command.split(' ').collect::<Vec<_>>());

@@ -2,19 +2,28 @@
 
 use crate::watch::{Error, Failure, run};
 use glam::DVec3;
+use ndarray::{ArrayView1, ArrayView2};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use sunglint_formats::nearest_names;
 use sunglint_materials::look;
-use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, Span};
+use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, IntensityWorker, Span};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
 /// Geometries that are evaluated between two looks for Ctrl-C.
-const TOGETHER: usize = 4096;
+const TOGETHER: usize = 256;
+
+/// Most geometries between two looks: their results are held at once.
+const MOST_TOGETHER: usize = 1 << 15;
+/// Parts that take less are made larger,
+const SHORT: Duration = Duration::from_millis(30);
+/// and those that take more smaller.
+const LONG: Duration = Duration::from_millis(120);
 
 /// A body whose light is asked for: a built-in target or one of a file.
 #[pyclass(frozen, module = "sunglint._core")]
@@ -22,7 +31,8 @@ pub struct Body {
     target: Arc<Target>,
 }
 
-fn target(model: &str) -> Result<Target, Failure> {
+/// A built-in target, or one of a file.
+pub fn target(model: &str) -> Result<Target, Failure> {
     if let Some(target) = Target::built_in(model) {
         return Ok(target);
     }
@@ -74,6 +84,34 @@ impl Body {
         self.target.warnings.clone()
     }
 
+    /// The light engine for wavelengths, made once for many calls.
+    #[pyo3(signature = (wavelength_nm, range_m=None, sun_distance_au=None, tolerance=None, budget_s=None))]
+    fn engine(
+        &self,
+        py: Python<'_>,
+        wavelength_nm: Vec<f64>,
+        range_m: Option<f64>,
+        sun_distance_au: Option<f64>,
+        tolerance: Option<f64>,
+        budget_s: Option<f64>,
+    ) -> PyResult<LightEngine> {
+        let target = self.target.clone();
+        let mut options = IntensityOptions::default();
+        options.tolerance = tolerance.unwrap_or(options.tolerance);
+        options.budget_s = budget_s.unwrap_or(options.budget_s);
+        options.wavelength_nm = wavelength_nm;
+        run(py, None, move |_| {
+            // Any phase angle may come: the one that asks for most is the largest.
+            let mut farthest = Aspect::new(DVec3::X, -DVec3::X);
+            farthest.range_m = range_m;
+            farthest.sun_distance_au = sun_distance_au.unwrap_or(farthest.sun_distance_au);
+            let mut span = Span::default();
+            span.add(&farthest)?;
+            let all = Intensities::new(&target, options, &span)?;
+            Ok(LightEngine { all, nearest_m: range_m, sun_distance_au: farthest.sun_distance_au })
+        })
+    }
+
     /// The light for (n, 3) unit vectors to Sun and observer in body axes.
     #[pyo3(signature = (sun, observer, wavelength_nm, range_m=None, sun_distance_au=None, tolerance=None, budget_s=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
@@ -123,9 +161,21 @@ impl Body {
                 return Ok((columns, Vec::new()));
             }
             let all = Intensities::new(&target, options, &span)?;
-            for (chunk, part) in aspects.chunks(TOGETHER).enumerate() {
-                watch.at("light", chunk * TOGETHER, n);
-                for light in all.many(part)? {
+            let (mut done, mut together) = (0, FEW);
+            while done < n {
+                watch.at("light", done, n);
+                let part = &aspects[done..(done + together).min(n)];
+                let begun = Instant::now();
+                let lit = all.many(part)?;
+                done += part.len();
+                // A geometry costs microseconds or milliseconds: parts that take long enough for all threads, and end soon at Ctrl-C.
+                let took = begun.elapsed();
+                if took < SHORT {
+                    together = (together * 2).min(MOST_TOGETHER);
+                } else if took > LONG {
+                    together = (together / 2).max(8);
+                }
+                for light in lit {
                     columns.phase_deg.push(light.phase_deg);
                     columns.met.push(light.met);
                     for at in &light.light {
@@ -148,6 +198,153 @@ impl Body {
         out.set_item("met", PyArray1::from_vec(py, columns.met))?;
         out.set_item("warnings", warnings)?;
         Ok(out)
+    }
+}
+
+/// Geometries up to which a call keeps the interpreter's lock: it would cost more to give it up.
+const FEW: usize = 64;
+
+/// A light engine that is kept between calls, and runs in the thread that calls.
+#[pyclass(frozen, module = "sunglint._core")]
+pub struct LightEngine {
+    all: Intensities,
+    nearest_m: Option<f64>,
+    sun_distance_au: f64,
+}
+
+impl LightEngine {
+    fn fill(
+        &self,
+        worker: &mut IntensityWorker<'_>,
+        (first, sun, observer, range): (
+            usize,
+            ArrayView2<'_, f64>,
+            ArrayView2<'_, f64>,
+            Option<ArrayView1<'_, f64>>,
+        ),
+        (light, error): (&mut [f64], &mut [f64]),
+    ) -> Result<(), String> {
+        let wavelengths = self.all.options().wavelength_nm.len().max(1);
+        let vector = |of: ndarray::ArrayView1<'_, f64>| DVec3::new(of[0], of[1], of[2]);
+        let rows = sun.rows().into_iter().zip(observer.rows());
+        let out = light.chunks_exact_mut(wavelengths).zip(error.chunks_exact_mut(wavelengths));
+        for (row, ((sun, observer), (light, error))) in rows.zip(out).enumerate() {
+            let at = |e: String| format!("row {}: {e}", first + row);
+            let mut aspect = Aspect::new(vector(sun), vector(observer));
+            aspect.sun_distance_au = self.sun_distance_au;
+            if let Some(range) = &range {
+                let m = range[row];
+                match self.nearest_m {
+                    None => return Err("the engine was made without range_m".into()),
+                    Some(nearest) if m < nearest => {
+                        return Err(at(format!(
+                            "range_m is {m}, nearer than the engine's {nearest}"
+                        )));
+                    }
+                    Some(_) => aspect.range_m = Some(m),
+                }
+            }
+            let seen = worker.light(&aspect).map_err(|e| at(e.to_string()))?;
+            for (k, of) in seen.light.iter().enumerate() {
+                light[k] = of.per_irradiance_m2_per_sr;
+                error[k] = of.error_m2_per_sr;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Light and stated error, (n, w) each.
+type LightAndError<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+#[pymethods]
+impl LightEngine {
+    /// Light and stated error, m² sr⁻¹, for (n, 3) unit vectors to Sun and observer in body axes.
+    #[pyo3(signature = (sun, observer, range_m=None))]
+    fn light<'py>(
+        &self,
+        py: Python<'py>,
+        sun: PyReadonlyArray2<'py, f64>,
+        observer: PyReadonlyArray2<'py, f64>,
+        range_m: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<LightAndError<'py>> {
+        let (sun, observer) = (sun.as_array(), observer.as_array());
+        let n = sun.nrows();
+        for (name, array) in [("sun", &sun), ("observer", &observer)] {
+            if array.ncols() != 3 || array.nrows() != n {
+                let text = format!("{name} has the shape {:?}, expected ({n}, 3)", array.shape());
+                return Err(Error::new_err(text));
+            }
+        }
+        let range = range_m.as_ref().map(|r| r.as_array());
+        if let Some(range) = range.as_ref().filter(|r| r.len() != n) {
+            let text = format!("range_m has {} values, expected {n}", range.len());
+            return Err(Error::new_err(text));
+        }
+        let wavelengths = self.all.options().wavelength_nm.len();
+        let (mut light, mut error) = (vec![0.0; n * wavelengths], vec![0.0; n * wavelengths]);
+        let mut first = 0;
+        let mut worker = self.all.worker();
+        while first < n {
+            let next = (first + TOGETHER).min(n);
+            let rows = ndarray::s![first..next, ..];
+            let part = (
+                first,
+                sun.slice(rows),
+                observer.slice(rows),
+                range.as_ref().map(|r| r.slice(ndarray::s![first..next])),
+            );
+            let own = first * wavelengths..next * wavelengths;
+            let out = (&mut light[own.clone()], &mut error[own]);
+            let done = match n <= FEW {
+                true => self.fill(&mut worker, part, out),
+                false => py.detach(|| self.fill(&mut worker, part, out)),
+            };
+            done.map_err(Error::new_err)?;
+            first = next;
+            if first < n {
+                py.check_signals()?;
+            }
+        }
+        let shaped = |values: Vec<f64>| PyArray1::from_vec(py, values).reshape([n, wavelengths]);
+        Ok((shaped(light)?, shaped(error)?))
+    }
+
+    /// Seconds that the library alone takes for the same geometries, by all threads and by one, as a program in Rust would call it; for `python/overhead`.
+    fn _alone(
+        &self,
+        py: Python<'_>,
+        sun: PyReadonlyArray2<'_, f64>,
+        observer: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<(f64, f64)> {
+        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
+        let rows = sun.into_iter().zip(observer);
+        let aspects: Vec<Aspect> = rows.map(|(sun, observer)| Aspect::new(sun, observer)).collect();
+        py.detach(|| {
+            let failed =
+                |e: sunglint_simulator::intensity::IntensityError| Error::new_err(e.to_string());
+            let begun = Instant::now();
+            let mut sum = 0.0;
+            for part in aspects.chunks(MOST_TOGETHER) {
+                let lit = self.all.many(part).map_err(failed)?;
+                sum += lit.iter().map(|l| l.light[0].per_irradiance_m2_per_sr).sum::<f64>();
+            }
+            let by_all = begun.elapsed().as_secs_f64();
+            let begun = Instant::now();
+            let mut worker = self.all.worker();
+            for aspect in &aspects {
+                sum += worker.light(aspect).map_err(failed)?.light[0].per_irradiance_m2_per_sr;
+            }
+            let by_one = begun.elapsed().as_secs_f64();
+            // The sums are used, so that no work is left out.
+            Ok((by_all, if sum.is_nan() { f64::NAN } else { by_one }))
+        })
+    }
+
+    /// Warnings of the body for this engine.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.all.warnings().to_vec()
     }
 }
 

@@ -3,7 +3,11 @@
 //! Long work runs in a thread of its own without the interpreter's lock, while the caller's thread listens for Ctrl-C: a signal ends the work at its next step.
 
 mod body;
+mod lab;
+mod night;
 mod product;
+mod reading;
+mod sky;
 mod watch;
 mod workflows;
 
@@ -17,5 +21,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<product::Outcome>()?;
     module.add_class::<body::Body>()?;
     module.add_class::<body::Brdf>()?;
+    module.add_class::<body::LightEngine>()?;
+    lab::add(module)?;
+    night::add(module)?;
+    reading::add(module)?;
+    sky::add(module)?;
     workflows::add(module)
 }

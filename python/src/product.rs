@@ -13,17 +13,25 @@ pub struct Outcome {
     text: String,
     warnings: Vec<String>,
     files: Vec<(String, String)>,
+    /// Pictures that are no figure of panels: their forms and bytes.
+    pictures: Vec<(String, Vec<u8>)>,
 }
 
 impl Outcome {
     /// A result with its text and warnings.
     pub fn new(product: Product, text: String, warnings: Vec<String>) -> Self {
-        Self { product, text, warnings, files: Vec::new() }
+        Self { product, text, warnings, files: Vec::new(), pictures: Vec::new() }
     }
 
     /// The same with files that belong to it: names and contents.
     pub fn with_files(mut self, files: Vec<(String, String)>) -> Self {
         self.files = files;
+        self
+    }
+
+    /// The same with pictures in place of a figure.
+    pub fn with_pictures(mut self, pictures: Vec<(String, Vec<u8>)>) -> Self {
+        self.pictures = pictures;
         self
     }
 }
@@ -78,11 +86,14 @@ impl Outcome {
     /// Whether there is a figure.
     #[getter]
     fn has_figure(&self) -> bool {
-        self.product.figure.is_some() || self.product.gallery.is_some()
+        self.product.figure.is_some() || self.product.gallery.is_some() || !self.pictures.is_empty()
     }
 
     /// The bytes of a form: `ecsv`, `csv`, `fits`, `json`, `html`, `png` or `svg`.
     fn encode<'py>(&self, py: Python<'py>, format: &str) -> PyResult<Bound<'py, PyBytes>> {
+        if let Some((_, bytes)) = self.pictures.iter().find(|(form, _)| form == format) {
+            return Ok(PyBytes::new(py, bytes));
+        }
         let known = Format::of_extension(format).ok_or_else(|| {
             super::watch::Error::new_err(format!(
                 "the form `{format}` is not known: ecsv, csv, fits, json, html, png, svg"

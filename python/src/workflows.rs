@@ -26,12 +26,17 @@ use sunglint_study::run::Part;
 use sunglint_study::{Stations, Study};
 
 /// A keyword's value that is not one of those that are known.
-fn unknown(what: &str, given: &str, known: &str) -> Failure {
+pub fn unknown(what: &str, given: &str, known: &str) -> Failure {
     format!("{what} is `{given}`, expected {known}").into()
 }
 
+/// What must be given.
+pub fn needed<T>(name: &str, value: Option<T>) -> Result<T, Failure> {
+    value.ok_or_else(|| format!("{name} is missing").into())
+}
+
 /// The station that was named: built in, a file or its folder.
-fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
+pub fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
     let Some(name) = name else { return Ok(None) };
     if let Some(station) = Station::built_in(name) {
         return Ok(Some(station?));
@@ -46,7 +51,8 @@ fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
     .into())
 }
 
-fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
+/// A scene as a pass, with the station that was named or its own.
+pub fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
     let file = PassFile::read(path)?;
     overrides.station = station(named)?;
     if overrides.station.is_none() && !file.names_station() {
@@ -60,7 +66,8 @@ fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pa
     Ok(file.resolve(overrides)?)
 }
 
-fn moment(name: &str, text: Option<&str>) -> Result<Option<hifitime::Epoch>, Failure> {
+/// A moment in UTC of a text.
+pub fn moment(name: &str, text: Option<&str>) -> Result<Option<hifitime::Epoch>, Failure> {
     let Some(text) = text else { return Ok(None) };
     sunglint_formats::time::parse_utc(text)
         .map(Some)
@@ -81,7 +88,7 @@ fn scale(name: Option<&str>) -> Result<Option<Scale>, Failure> {
 /// How tables of magnitudes are read.
 #[derive(Debug, Default, FromPyObject)]
 #[pyo3(from_item_all)]
-struct Reading {
+pub struct Reading {
     time_column: Option<String>,
     time_scale: Option<String>,
     magnitude_column: Option<String>,
@@ -116,7 +123,8 @@ impl Reading {
         })
     }
 
-    fn options(&self) -> Result<MagnitudeOptions, Failure> {
+    /// Options of the reader.
+    pub fn options(&self) -> Result<MagnitudeOptions, Failure> {
         let mut columns = self.names()?;
         columns.sigma = None;
         Ok(MagnitudeOptions { columns, kind: self.kind()?, sigma_mag: self.sigma_mag })

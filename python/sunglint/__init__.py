@@ -27,23 +27,41 @@ from ._core import Error, __version__
 __all__ = [
     "Body",
     "Brdf",
+    "Calibration",
     "Curve",
+    "Engine",
     "Error",
     "Field",
     "FitResult",
     "Light",
+    "Material",
+    "Night",
+    "Reduced",
     "Result",
     "Scene",
+    "Session",
     "StudyResult",
     "Table",
+    "air",
+    "apply",
+    "attitude",
+    "body_map",
+    "calibrate",
     "compare",
+    "demo_night",
     "detect",
     "fit",
+    "fit_material",
+    "fold",
+    "ndf",
+    "passes",
     "period",
     "read_photometry",
     "read_table",
     "reduce",
+    "star",
     "study",
+    "unmix",
     "__version__",
 ]
 
@@ -274,6 +292,16 @@ class Result:
         with open(path, "xb") as file:
             file.write(data)
 
+    def _file(self):
+        """The main table as a file that lives as long as the result."""
+        if "_kept" not in self.__dict__:
+            self._kept = _tempfile.TemporaryDirectory(prefix="sunglint-")
+            stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in self.name) or "result"
+            self._path = _os.path.join(self._kept.name, f"{stem}.ecsv")
+            with open(self._path, "wb") as file:
+                file.write(self.encode("ecsv"))
+        return self._path
+
     def plot(self, ax=None):
         """Draws the figure with matplotlib, as the program draws it; gives the axes."""
         import io
@@ -432,11 +460,71 @@ class Body:
         )
         return Light(**found)
 
+    def engine(self, wavelength_nm=(550.0,), range_m=None, sun_distance_au=None, tolerance=None, budget_s=None):
+        """The light engine made once, for many calls with few geometries each.
+
+        Parameters
+        ----------
+        wavelength_nm : array_like or Quantity
+            Vacuum wavelengths.
+        range_m : float or Quantity, optional
+            The nearest distance of an observer; without it all are far away.
+        sun_distance_au, tolerance, budget_s : float, optional
+            As for :meth:`light`.
+
+        Returns
+        -------
+        Engine
+        """
+        wavelengths = _np.atleast_1d(_value(wavelength_nm, "nm")).astype(float).tolist()
+        return Engine(self, wavelengths, _value(range_m, "m"), _value(sun_distance_au, "AU"), tolerance, budget_s)
+
     def __reduce__(self):
         return (Body, (self._model,))
 
     def __repr__(self):
         return f"<sunglint.Body {self.name}: {', '.join(self.materials)}>"
+
+
+class Engine:
+    """A body's light engine for wavelengths: call it with (n, 3) unit vectors to Sun and observer.
+
+    ``engine(sun, observer)`` gives a pair of arrays (n, w): radiant intensity over the Sun's irradiance, m² sr⁻¹, and its stated error. It keeps what
+    :meth:`Body.light` makes anew for each call, and runs in the thread that calls: a call with one geometry costs microseconds.
+    Many threads may call the same engine; the interpreter's lock is released for calls with more than a few geometries.
+
+    Made by :meth:`Body.engine`.
+    """
+
+    def __init__(self, body, wavelength_nm, range_m, sun_distance_au, tolerance, budget_s):
+        self._args = (wavelength_nm, range_m, sun_distance_au, tolerance, budget_s)
+        self.body = body
+        self.wavelength_nm = _np.array(wavelength_nm)
+        self._engine = body._body.engine(*self._args)
+        self._light = self._engine.light
+
+    def __call__(self, sun, observer, range_m=None):
+        """The light: arrays (n, w) of radiant intensity over irradiance, m² sr⁻¹, and of its stated error.
+
+        Parameters
+        ----------
+        sun, observer : ndarray (n, 3) of float64
+            Unit vectors, body axes. Other shapes and types are converted, which costs more than a geometry.
+        range_m : ndarray (n,), optional
+            Distances to the observer.
+        """
+        try:
+            return self._light(sun, observer, range_m)
+        except TypeError:
+            if range_m is not None:
+                range_m = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (len(_vectors(sun)),)), dtype=float)
+            return self._light(_vectors(sun), _vectors(observer), range_m)
+
+    def __reduce__(self):
+        return (Engine, (self.body, *self._args))
+
+    def __repr__(self):
+        return f"<sunglint.Engine of {self.body.name} at {', '.join(f'{nm:g}' for nm in self.wavelength_nm)} nm>"
 
 
 class Brdf:
@@ -460,6 +548,19 @@ class Brdf:
     def albedo(self, wavelength_nm, theta_i_deg=0.0):
         """Hemispherical reflectance for light at an angle of incidence."""
         return self._brdf.albedo(float(_value(wavelength_nm, "nm")), float(_value(theta_i_deg, "deg")))
+
+    def show(self, phi_i_deg=0.0):
+        """What the material does at the wavelength that it was read for: reflectance, peak and width by angle of incidence, with a figure.
+
+        Returns
+        -------
+        Result
+        """
+        name, nm = self._args
+        return Result(_core.show_material(name, nm, float(_value(phi_i_deg, "deg"))))
+
+    def _repr_html_(self):
+        return self.show()._repr_html_()
 
     def __reduce__(self):
         return (Brdf, self._args)
@@ -534,8 +635,46 @@ class Curve:
                 file.write(",".join(v if isinstance(v, str) else repr(float(v)) for v in row) + "\n")
         return read_photometry(path, _keep=keep)
 
+    def plot(self, ax=None):
+        """Draws magnitudes against seconds with matplotlib, a colour for each filter; gives the axes."""
+        from matplotlib import pyplot
+
+        if ax is None:
+            _, ax = pyplot.subplots()
+        times = self.table.times()
+        seconds = (times - times.min()) / _np.timedelta64(1, "s")
+        filters = self.table.get("filter")
+        for name in sorted(set(filters)) if filters is not None else [None]:
+            these = _np.ones(len(times), bool) if name is None else filters == name
+            ax.plot(seconds[these], self.table["magnitude"][these], ".", ms=3, label=name)
+        if filters is not None:
+            ax.legend()
+        ax.invert_yaxis()
+        ax.set_xlabel(f"s after {times.min()}Z")
+        ax.set_ylabel("magnitude")
+        return ax
+
+    def _repr_html_(self):
+        import html
+
+        return f"<pre>{html.escape(repr(self))}</pre>{self._result._repr_html_()}"
+
+    def __reduce__(self):
+        with open(self.path, "rb") as file:
+            data = file.read()
+        return (_curve_again, (_os.path.basename(self.path), data, self._reading))
+
     def __repr__(self):
         return f"<sunglint.Curve {self.path}: {self.format}, {self.table.rows} samples>"
+
+
+def _curve_again(name, data, reading):
+    """A curve in another process: its file travels with it."""
+    keep = _tempfile.TemporaryDirectory(prefix="sunglint-")
+    path = _os.path.join(keep.name, name)
+    with open(path, "wb") as file:
+        file.write(data)
+    return Curve(path, reading, _core.read_photometry(path, reading), keep)
 
 
 def _reading(time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, magnitudes_as=None, sigma_mag=None):
@@ -587,7 +726,38 @@ def _file_and_reading(curve, options):
     if isinstance(curve, Curve):
         reading = {k: v if v is not None else curve._reading[k] for k, v in reading.items()}
         return curve.path, reading
-    return _path(curve), reading
+    return _file(curve), reading
+
+
+def _file(of):
+    """The path of a file, of a curve, or of a result, which is written for as long as it lives."""
+    if isinstance(of, Curve):
+        return of.path
+    if isinstance(of, Result):
+        return of._file()
+    return _path(of)
+
+
+def _air(air):
+    """The air as the module takes it: every property, None where it is the station's own."""
+    known = dict.fromkeys(("profile", "pressure_hpa", "ozone_du", "water_mm", "co2_ppm", "aerosol", "refraction"))
+    units = {"pressure_hpa": "hPa", "water_mm": "mm"}
+    for key, value in (air or {}).items():
+        if key not in known:
+            raise ValueError(f"air has no {key!r}; it has {', '.join(known)}")
+        known[key] = _value(value, units[key]) if key in units else value
+    return known
+
+
+def _place(of):
+    """Right ascension and declination, degrees, of a pair or an astropy SkyCoord."""
+    if of is not None and hasattr(of, "icrs"):
+        return (float(of.icrs.ra.deg), float(of.icrs.dec.deg))
+    return of and (float(of[0]), float(of[1]))
+
+
+def _several(of):
+    return list(of) if isinstance(of, (list, tuple)) else [of]
 
 
 class Scene:
@@ -669,6 +839,18 @@ def compare(curve, scene, channels=(), tolerance=None, progress=None, **reading)
     return Result(_core.compare(path, scene.path, reading, scene.station, list(channels), tolerance, _callback(progress)))
 
 
+def _with_scenes(scene, curves, reading):
+    """The files of curves and scenes in the order that the program takes them, how the curves are read, and the station."""
+    curves, scenes = _several(curves), _several(scene)
+    scenes = [s if isinstance(s, Scene) else Scene(s) for s in scenes]
+    if len(scenes) not in (1, len(curves)):
+        raise ValueError(f"{len(scenes)} scenes and {len(curves)} curves: expected one scene, or one for each curve")
+    paths, how = _paths(curves, reading)
+    if len(scenes) == 1:
+        return [*paths, scenes[0].path], how, scenes[0].station
+    return [f for path, scene in zip(paths, scenes) for f in (path, scene.path)], how, scenes[0].station
+
+
 def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, scintillation=None, places=None, starts=None, iterations=None, seed=0, progress=None, **reading):
     """Fits a scene to measured passes.
 
@@ -689,29 +871,14 @@ def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, s
     -------
     FitResult
     """
-    curves = list(curves) if isinstance(curves, (list, tuple)) else [curves]
-    scenes = list(scene) if isinstance(scene, (list, tuple)) else [scene]
-    scenes = [s if isinstance(s, Scene) else Scene(s) for s in scenes]
-    if len(scenes) not in (1, len(curves)):
-        raise ValueError(f"{len(scenes)} scenes and {len(curves)} curves: expected one scene, or one for each curve")
-    inputs, how = [], None
-    for i, curve in enumerate(curves):
-        path, this = _file_and_reading(curve, reading)
-        if how is not None and this != how:
-            raise ValueError("the curves are read in different ways: give the same columns for all")
-        how = this
-        inputs.append(path)
-        if len(scenes) > 1:
-            inputs.append(scenes[i].path)
-    if len(scenes) == 1:
-        inputs.append(scenes[0].path)
+    inputs, how, station = _with_scenes(scene, curves, reading)
     outcome, converged = _core.fit(
         inputs,
         how,
         [free] if isinstance(free, str) else list(free),
         list(per_pass),
         list(channels),
-        scenes[0].station,
+        station,
         largest_albedo,
         scintillation,
         places,
@@ -742,14 +909,7 @@ def period(curves, channels=(), shortest_s=None, longest_s=None, gap_s=None, har
     Result
         ``result["verdict"]`` and the candidates; the table is the periodogram.
     """
-    curves = list(curves) if isinstance(curves, (list, tuple)) else [curves]
-    paths, how = [], None
-    for curve in curves:
-        path, this = _file_and_reading(curve, reading)
-        if how is not None and this != how:
-            raise ValueError("the curves are read in different ways: give the same columns for all")
-        how = this
-        paths.append(path)
+    paths, how = _paths(curves, reading)
     return Result(
         _core.period(
             paths, how, list(channels), _value(shortest_s, "s"), _value(longest_s, "s"), _value(gap_s, "s"), harmonics, sessions, station, _callback(progress)
@@ -831,8 +991,7 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             name = name or top
         else:
             frames = [top]
-    if near_deg is not None and hasattr(near_deg, "icrs"):
-        near_deg = (near_deg.icrs.ra.deg, near_deg.icrs.dec.deg)
+    near_deg = _place(near_deg)
     return Result(
         _core.reduce(
             [_path(f) for f in frames],
@@ -847,7 +1006,7 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             catalogue_mag,
             catalogue_colour and list(catalogue_colour),
             catalogue_system,
-            near_deg and [float(v) for v in near_deg],
+            near_deg and list(near_deg),
             _value(scale_arcsec, "arcsec"),
             target_colour and list(target_colour),
             colour_term,
@@ -935,3 +1094,557 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
     k, n = part or (1, 1)
     report = _json.loads(_core.run_study(path, folder, station, k, n, _callback(progress)))
     return StudyResult(folder, report)
+
+
+def star(name, at, station, to=None, step_s=60.0, exposure_s=0.1, place=None, v_mag=None, b_minus_v_mag=None, spectral_type=None, air=None, zero_point="vega=0.03"):
+    """A star's place, airmass and expected rates: at a moment, or through a night.
+
+    Parameters
+    ----------
+    name : str
+        ``Vega``, ``alp Lyr``, ``HIP 91262``, ``HD 172167``; with ``place`` any name.
+    at, to : str, datetime, datetime64 or astropy Time
+        The moment, or begin and end of a light curve.
+    station : str or path
+    step_s, exposure_s : float or Quantity
+    place : (ra, dec) in degrees or SkyCoord, optional
+        A star of one's own; then ``v_mag`` and ``b_minus_v_mag`` or ``spectral_type`` are needed.
+    air : dict, optional
+        Known properties of the air: ``profile``, ``pressure_hpa``, ``ozone_du``, ``water_mm``, ``co2_ppm``, ``aerosol`` (a name, or optical depth and
+        exponent), ``refraction``.
+    zero_point : str
+        ``vega=0.03`` or ``ab``.
+
+    Returns
+    -------
+    Result
+    """
+    own = dict(place_deg=_place(place), v_mag=v_mag, b_minus_v_mag=b_minus_v_mag, spectral_type=spectral_type)
+    return Result(
+        _core.star(name, _utc(at), _path(station), own, _air(air), _utc(to), _value(step_s, "s"), _value(exposure_s, "s"), zero_point)
+    )
+
+
+def air(zenith_deg=(0, 30, 45, 60, 70, 80), wavelength_nm=None, mean_nm=None, station=None, altitude_m=None, apparent=False, components=False, **known):
+    """What the air leaves of a direct beam.
+
+    Parameters
+    ----------
+    zenith_deg : array_like or Quantity
+    wavelength_nm : array_like or Quantity, optional
+        Vacuum wavelengths; 300 to 1240 nm in steps of 1 nm, with means over 1 nm.
+    mean_nm : float, optional
+        Width of the means about each wavelength; values at the wavelengths without it.
+    station : str or path, optional
+        Else ``altitude_m`` says where.
+    apparent : bool
+        The zenith angles are refracted ones.
+    components : bool
+        Also the transmission of each constituent.
+    **known
+        Properties of the air, see :func:`star`.
+
+    Returns
+    -------
+    Result
+    """
+    if wavelength_nm is None:
+        wavelength_nm, mean_nm = _np.arange(300.0, 1241.0), mean_nm or 1.0
+    angles = _np.atleast_1d(_value(zenith_deg, "deg")).astype(float).tolist()
+    wavelengths = _np.atleast_1d(_value(wavelength_nm, "nm")).astype(float).tolist()
+    station = station and _path(station)
+    return Result(_core.air(angles, wavelengths, _air(known), _value(mean_nm, "nm"), station, _value(altitude_m, "m"), apparent, components))
+
+
+def passes(elements, start, station, end=None, norad_id=(), name=(), min_elevation_deg=10.0, sun_below_deg=-6.0, min_culmination_deg=0.0, min_duration_s=0.0, brighter_than=None, limit=None, diameter_m=1.0, reflectance=0.2, standard_magnitude=None, model=None, attitude="orbit", tolerance=0.01, exposure_s=0.1, zero_point="vega=0.03", air=None, progress=None):
+    """When satellites can be seen, how bright, and what the channels would count.
+
+    Parameters
+    ----------
+    elements : path or sequence of paths
+        Two lines, or OMM in JSON, CSV, XML or KVN.
+    start, end : str, datetime, datetime64 or astropy Time
+        A day without an end.
+    station : str or path
+    norad_id, name : sequence, optional
+        Only these objects: by number, by a part of the name.
+    min_elevation_deg, sun_below_deg : float or Quantity
+        When a target is visible.
+    min_culmination_deg, min_duration_s, brighter_than, limit : optional
+        Which passes are listed.
+    diameter_m, reflectance : float
+        A diffuse sphere stands for every target,
+    standard_magnitude : float, optional
+        or this V at 1,000 km, half lit,
+    model : str or path, optional
+        or a body, turned by ``attitude``, whose light is calculated to ``tolerance``.
+
+    Returns
+    -------
+    Result
+        The figure is the plot of the sky.
+    """
+    numbers = [norad_id] if isinstance(norad_id, (int, str)) else list(norad_id)
+    wanted = dict(
+        norad_id=[str(n) for n in numbers],
+        name=[name] if isinstance(name, str) else list(name),
+        min_elevation_deg=_value(min_elevation_deg, "deg"),
+        sun_below_deg=_value(sun_below_deg, "deg"),
+        min_culmination_deg=_value(min_culmination_deg, "deg"),
+        min_duration_s=_value(min_duration_s, "s"),
+        brighter_than=brighter_than,
+        limit=limit,
+        diameter_m=_value(diameter_m, "m"),
+        reflectance=reflectance,
+        standard_magnitude=standard_magnitude,
+        model=model and _path(model),
+        attitude=_path(attitude),
+        tolerance=tolerance,
+        exposure_s=_value(exposure_s, "s"),
+        zero_point=zero_point,
+    )
+    files = [_path(f) for f in _several(elements)]
+    return Result(_core.passes(files, _utc(start), _utc(end), _path(station), wanted, _air(air), _callback(progress)))
+
+
+class Night:
+    """A virtual night: a plan (NIGHT.toml) that names a virtual observatory.
+
+    Parameters
+    ----------
+    plan : str or path
+        Devices of a real night are driven by the program (``sunglint observe``).
+    """
+
+    def __init__(self, plan):
+        self.plan = _path(plan)
+        if not _os.path.exists(self.plan):
+            raise Error(f"{self.plan}: there is no such file")
+
+    def observe(self, output, progress=None):
+        """Observes the night, as fast as the computer can, into a folder that is not there yet.
+
+        Returns
+        -------
+        Session
+        """
+        observed = Result(_core.observe_virtual(self.plan, _path(output), _callback(progress)))
+        return Session(output, observed)
+
+    def __repr__(self):
+        return f"<sunglint.Night {self.plan}>"
+
+
+def demo_night(folder, seed=0, progress=None):
+    """The demonstration's night: two satellites that are made up cross an hour with stars to calibrate by.
+
+    Writes plan, scenes and elements into a folder, and simulates the light of both scenes.
+
+    Parameters
+    ----------
+    folder : path
+        Made where it is not there; files in it are not overwritten.
+    seed : int
+        The same seed gives the same night, that of ``sunglint --seed N demo``.
+
+    Returns
+    -------
+    Night
+    """
+    folder = _path(folder)
+    _os.makedirs(_os.path.join(folder, "simulated"), exist_ok=True)
+    for name, text in _core.demo_files(seed):
+        with open(_os.path.join(folder, name), "x", encoding="utf-8") as file:
+            file.write(text)
+    for name in ("pass.toml", "sphere.toml"):
+        simulated = Scene(_os.path.join(folder, name)).simulate(progress=progress)
+        simulated.write(_os.path.join(folder, "simulated", f"{simulated.name}.ecsv"))
+    return Night(_os.path.join(folder, "night.toml"))
+
+
+class Session:
+    """A recorded night: the folder that ``sunglint observe`` makes.
+
+    Parameters
+    ----------
+    folder : str or path
+    """
+
+    def __init__(self, folder, _observed=None):
+        self.folder = _path(folder)
+        if not _os.path.exists(_os.path.join(self.folder, "session.toml")):
+            raise Error(f"{self.folder}: there is no session (no session.toml)")
+        self.observed = _observed
+
+    def check(self):
+        """Reads all of it and says what is there and what is missing.
+
+        Returns
+        -------
+        Result
+            ``is_whole`` says whether nothing is missing.
+        """
+        outcome, is_whole = _core.check_session(self.folder)
+        result = Result(outcome)
+        result.is_whole = is_whole
+        return result
+
+    def reduce(self, target=None, station=None, aperture_px=None, fwhm_px=None, gate=1.0, raw=False, progress=None):
+        """Frames and counts become linear light curves, visit by visit.
+
+        Parameters
+        ----------
+        target : str, optional
+            Only the visits of this target.
+        station : str or path, optional
+            In place of the one that the session was recorded with.
+        aperture_px, fwhm_px : float, optional
+            As the session's own frames show them.
+        gate : float or None
+            Samples are kept with the target within this ellipse of the fibre's field.
+        raw : bool
+            Also the rates as they were counted.
+
+        Returns
+        -------
+        Reduced
+        """
+        outcome, curves = _core.reduce_session(self.folder, target, station and _path(station), aperture_px, fwhm_px, gate, raw, _callback(progress))
+        return Reduced(outcome, curves, station)
+
+    def __repr__(self):
+        return f"<sunglint.Session {self.folder}>"
+
+
+class Reduced(Result):
+    """A reduced session: a :class:`Result` with the linear curves of the visits.
+
+    Attributes
+    ----------
+    curves : dict of str and Result
+        By the names of their files: ``sphere_1`` …
+    """
+
+    def __init__(self, outcome, curves, station=None):
+        super().__init__(outcome)
+        self.station = station
+        self.curves = {c.name: c for c in map(Result, curves)}
+
+    def calibrate(self, station=None, **options):
+        """The same as ``calibrate(reduced, station)``; the station is by default the one of the reduction."""
+        return calibrate(self, station or self.station, **options)
+
+    def __getitem__(self, key):
+        return self.curves[key] if key in self.curves else super().__getitem__(key)
+
+
+class Calibration(Result):
+    """What channels and nights are worth: a :class:`Result` that makes linear curves calibrated ones."""
+
+    _reduced = None
+
+    def __init__(self, outcome, station=None, reduced=None):
+        super().__init__(outcome)
+        self.station = station
+        self._reduced = reduced
+
+    def apply(self, curve, **options):
+        """The same as ``apply(calibration, curve, station)``; a name is that of a curve of the reduction.
+
+        Returns
+        -------
+        Result
+        """
+        if isinstance(curve, str) and self._reduced is not None and curve in self._reduced.curves:
+            curve = self._reduced.curves[curve]
+        return apply(self, curve, self.station, **options)
+
+
+def calibrate(curves, station, floor=None, clip_sigma=None, confidence=None, fit_aerosol=False, scintillation=None, zero_point="vega=0.03", seed=0, air=None):
+    """The coefficient of every channel and night from visits to stars.
+
+    Parameters
+    ----------
+    curves : Reduced, path, or a sequence of paths and results
+        Linear light curves of stars, or folders of them; others are left out.
+    station : str or path
+    floor : float, optional
+        Relative scatter of catalogued magnitudes and types at least; 0.02.
+    clip_sigma : float, optional
+        Standard deviations beyond which a visit is an outlier; 4.
+    confidence : float, optional
+        Coverage of the intervals; 0.95.
+    fit_aerosol : bool
+        Fit an aerosol's optical depth, too.
+    seed : int
+        Of the bootstrap.
+    air : dict, optional
+        See :func:`star`.
+
+    Returns
+    -------
+    Calibration
+    """
+    reduced = curves if isinstance(curves, Reduced) else None
+    if station is None:
+        raise ValueError("station is missing: its built-in name, its file or folder")
+    station = _path(station)
+    if reduced is not None:
+        # In one folder, as the program's: a folder's curves that are no stars' are passed over.
+        with _tempfile.TemporaryDirectory(prefix="sunglint-") as folder:
+            for name, curve in reduced.curves.items():
+                if curve._get("name").endswith(("_frames", "_raw")):
+                    continue
+                with open(_os.path.join(folder, f"{name}.ecsv"), "wb") as file:
+                    file.write(curve.encode("ecsv"))
+            outcome = _core.calibrate([folder], station, _air(air), floor, clip_sigma, confidence, fit_aerosol, scintillation, zero_point, seed)
+    else:
+        files = [_file(c) for c in _several(curves)]
+        outcome = _core.calibrate(files, station, _air(air), floor, clip_sigma, confidence, fit_aerosol, scintillation, zero_point, seed)
+    return Calibration(outcome, station, reduced)
+
+
+def apply(calibration, curve, station, night=None, spectrum=None, magnitudes=None, phase_law="lambert", zero_point="vega=0.03", air=None):
+    """A linear light curve times its calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration or path
+    curve : Result or path
+    station : str or path
+    night : str, optional
+        Whose coefficient, as ``2020-11-18``; the curve's own.
+    spectrum : str or path, optional
+        The light's spectrum above the air: ``sun``, a star's type, or a file.
+    magnitudes : str, optional
+        A band: ``V``, ``Gaia_G`` …
+    phase_law : {'lambert', 'illuminated'}
+        For magnitudes at a standard phase angle.
+    air : dict, optional
+        See :func:`star`.
+
+    Returns
+    -------
+    Result
+        The calibrated curve; with ``spectrum`` or ``magnitudes`` its ``photometry`` is the table of magnitudes and irradiances.
+    """
+    keep = (air or {}).get("aerosol") is not None
+    outcome, photometry = _core.apply(
+        _file(calibration), _file(curve), _path(station), _air(air), night, spectrum and _path(spectrum), magnitudes, phase_law, keep, zero_point
+    )
+    result = Result(outcome)
+    result.photometry = photometry and Result(photometry)
+    return result
+
+
+def fold(curves, period_s, period_sigma_s=None, epoch=None, scene=None, axis=None, bins=50, channels=(), station=None, keep=(), air=None, **reading):
+    """Samples by their phase in a period.
+
+    Parameters
+    ----------
+    curves : Curve, Result or path, or a sequence of them
+    period_s, period_sigma_s : float or Quantity
+    epoch : str, datetime, datetime64 or astropy Time, optional
+        Where the phase is 0.
+    scene : Scene or path, optional
+        With ``axis``: phases are of the body, not of the light.
+    axis : (ra, dec) in degrees or SkyCoord, optional
+    keep : sequence of {'air', 'range', 'phase'}
+        What is not divided out.
+    air : dict, optional
+        See :func:`star`.
+
+    Returns
+    -------
+    Result
+    """
+    paths, how = _paths(curves, reading)
+    if isinstance(scene, Scene):
+        scene, station = scene.path, station or scene.station
+    return Result(
+        _core.fold(
+            paths, how, _air(air), _value(period_s, "s"), _value(period_sigma_s, "s"), _utc(epoch), scene and _path(scene), _place(axis), bins, list(channels), station, list(keep)
+        )
+    )
+
+
+def _paths(curves, reading):
+    """The files of curves that are all read in one way."""
+    paths, how = [], None
+    for curve in _several(curves):
+        path, this = _file_and_reading(curve, reading)
+        if how is not None and this != how:
+            raise ValueError("the curves are read in different ways: give the same columns for all")
+        how = this
+        paths.append(path)
+    return paths, how
+
+
+def unmix(curve, endmembers, scene=None, station=None, no_air=False, total_m2_sr=None, unweighted=False, confusion=False, air=None):
+    """How much of a calibrated curve's light comes from which material.
+
+    Parameters
+    ----------
+    curve : Result or path
+    endmembers : sequence of str
+        Materials: names or files.
+    scene : Scene or path, optional
+        Knows range and air; without it the curve and the station say them.
+    total_m2_sr : float, optional
+        The sum that the amounts have.
+    confusion : bool
+        Also how materials of the scene would be taken for one another.
+    air : dict, optional
+        See :func:`star`.
+
+    Returns
+    -------
+    Result
+    """
+    if isinstance(scene, Scene):
+        scene, station = scene.path, station or scene.station
+    return Result(
+        _core.unmix(_file(curve), [_path(e) for e in endmembers], _air(air), scene and _path(scene), station, no_air, total_m2_sr, unweighted, confusion)
+    )
+
+
+def body_map(scene, curve=None, endmembers=(), step_deg=5.0, phase_deg=None, along=False, ranges_nm=None):
+    """Samples of a curve, or the light into all directions, on the body's frame.
+
+    Parameters
+    ----------
+    scene : Scene or path
+    curve : Result or path, optional
+        Without it the scene's body is mapped over all directions.
+    endmembers : sequence of str
+        Materials whose shares are mapped.
+    step_deg, phase_deg : float or Quantity
+    along : bool
+        Also the curve that the map gives along the pass.
+    ranges_nm : float, optional
+        Also maps of the range, for a laser of this wavelength.
+
+    Returns
+    -------
+    Result
+    """
+    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    return Result(
+        _core.body_map(
+            scene.path,
+            None if curve is None else _file(curve),
+            [_path(e) for e in endmembers],
+            _value(step_deg, "deg"),
+            _value(phase_deg, "deg"),
+            along,
+            _value(ranges_nm, "nm"),
+            scene.station,
+        )
+    )
+
+
+def attitude(scene, curves, known=(), period_s=None, sense="both", scale="none", channels=(), axes=640, direct_only=False, seed=0, progress=None, **reading):
+    """How a body of known shape spins, from its light.
+
+    Parameters
+    ----------
+    scene : Scene or path, or a sequence with one for each curve
+    curves : Curve, Result or path, or a sequence of them
+    known : sequence of {'axis', 'phase', 'period'}
+        What the scene's ``[attitude]`` gives.
+    period_s : (float, float), optional
+        The shortest and the longest to look for.
+    sense : {'both', 'right', 'left'}
+    scale : {'none', 'grey', 'channel', 'material'}
+        Free factors of the brightness.
+    axes : int
+        Axes that are looked at first.
+
+    Returns
+    -------
+    Result
+        ``files`` holds the scene with the spin that was found.
+    """
+    inputs, how, station = _with_scenes(scene, curves, reading)
+    return Result(
+        _core.attitude(
+            inputs, how, [known] if isinstance(known, str) else list(known), period_s and tuple(map(float, period_s)), sense, scale, list(channels), axes, direct_only, station, seed, _callback(progress)
+        )
+    )
+
+
+class Material(Result):
+    """A fitted material: a :class:`Result` with the text of its ``material.toml``."""
+
+    @property
+    def toml(self):
+        """Text of the material's file; None where the fit is not faithful and was not accepted."""
+        return self.files.get("material.toml")
+
+    def brdf(self, wavelength_nm=550.0):
+        """The material as a :class:`Brdf`."""
+        if self.toml is None:
+            raise Error(f"{self.name}: there is no material: " + "; ".join(self.warnings))
+        folder = _tempfile.TemporaryDirectory(prefix="sunglint-")
+        path = _os.path.join(folder.name, "material.toml")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self.toml)
+        brdf = Brdf(path, wavelength_nm)
+        brdf._kept = folder
+        return brdf
+
+
+def ndf(table, zero_deg=None, most_offset_deg=5.0, median=None, tail=None, elevations=None, azimuths=None, resamplings=200, diffuse=True, seed=0):
+    """The density of microfacet normals from a run of retro-reflection.
+
+    Parameters
+    ----------
+    table : path or Result
+        A table of ``sunglint brdf retro``.
+    tail : {'ggx', 'beckmann', 'exponential', 'linear'}, optional
+        Beyond the last angle; else the one that fits best.
+    diffuse : bool
+        Look for diffuse light and take it off.
+
+    Returns
+    -------
+    Result
+    """
+    return Result(
+        _core.ndf(_file(table), _value(zero_deg, "deg"), _value(most_offset_deg, "deg"), median, tail, elevations, azimuths, resamplings, diffuse, seed)
+    )
+
+
+def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg=0.24, source_deg=0.0, theta_most_deg=85.0, most_lobes=3, name="fitted", accept=False, progress=None):
+    """A material law through measured BRDF values.
+
+    Parameters
+    ----------
+    table : path or Result
+        Samples of a BRDF.
+    laws : sequence of {'lambert', 'phong', 'abg', 'ward', 'beckmann', 'ggx', 'maxwell-beard'}, optional
+        The best of these, with one lobe; without them a composite of up to ``most_lobes`` lobes.
+    cone_deg, source_deg : float or Quantity
+        Half-angles of detector and source.
+    accept : bool
+        Give the material although its peak or hemispherical reflectance are off.
+
+    Returns
+    -------
+    Material
+    """
+    return Material(
+        _core.fit_material(
+            _file(table),
+            _value(wavelength_nm, "nm"),
+            floor_per_sr,
+            [laws] if isinstance(laws, str) else list(laws),
+            _value(cone_deg, "deg"),
+            _value(source_deg, "deg"),
+            _value(theta_most_deg, "deg"),
+            most_lobes,
+            name,
+            accept,
+            _callback(progress),
+        )
+    )

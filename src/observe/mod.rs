@@ -1,9 +1,6 @@
 //! `sunglint observe`: a night from its plan to its session's folder. The night itself is [`sunglint_observatory`]'s.
 
-mod virtual_night;
-
 pub use sunglint_drivers::clock::DeviceClock;
-pub use virtual_night::VirtualNight;
 
 use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, Usage};
@@ -22,6 +19,7 @@ use sunglint_observatory::{
 };
 use sunglint_page::{LiveNight, Server};
 use sunglint_radiometry::station::RecordedError;
+use sunglint_rehearsal::{VirtualNight, planned};
 use sunglint_report::observe as report;
 use sunglint_report::preflight::text as preflight_text;
 
@@ -182,32 +180,12 @@ fn refuse(plan: &Path, found: &Preflight) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A night with the devices of the catalogue, or of a virtual observatory, which comes with it.
-///
-/// # Errors
-/// A plan that cannot be read or that no night can follow.
-pub fn planned(
-    plan: &Path,
-    output: Option<&Path>,
-) -> anyhow::Result<(Night, Option<VirtualNight>)> {
-    let mut made = None;
-    let plan = Plan::read_with(plan, &mut |request| {
-        made = Some(VirtualNight::make(request)?);
-        Ok(())
-    })?;
-    let opener: Arc<dyn Opener> = match &made {
-        Some(night) => Arc::new(night.clone()),
-        None => Catalogue::of(&plan),
-    };
-    Ok((Night::planned(plan, opener, output, PROGRAM), made))
-}
-
 /// The night of a plan, as the arguments want it.
 fn from_plan(plan: &Path, args: &ObserveArgs) -> anyhow::Result<Night> {
     if args.real_time {
         return planned_in_real_time(plan, args.output.as_deref());
     }
-    Ok(planned(plan, args.output.as_deref())?.0)
+    Ok(planned(plan, args.output.as_deref(), PROGRAM)?.0)
 }
 
 /// Time by which a virtual night's begin may lie before now, s: its light was computed meanwhile.

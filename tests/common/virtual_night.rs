@@ -5,10 +5,12 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use sunglint::observe::planned;
 use sunglint_drivers::clock::Cancel;
 use sunglint_observatory::Summary;
+use sunglint_rehearsal::planned;
 use sunglint_virtual::observatory::night::Night;
+
+const PROGRAM: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"));
 
 /// A plan with a camera and a counter of the station `ufo`, both virtual; with replacements.
 pub fn plan_of(changes: &[(&str, &str)]) -> String {
@@ -46,7 +48,7 @@ pub fn write(folder: &Path, plan: &str, options: &str) {
 pub fn observe(folder: &Path, plan: &str, options: &str) -> (Summary, Arc<Night>) {
     write(folder, plan, options);
     let (session, made) =
-        planned(&folder.join("night.toml"), Some(&folder.join("session"))).unwrap();
+        planned(&folder.join("night.toml"), Some(&folder.join("session")), PROGRAM).unwrap();
     let night = made.unwrap().observatory().night().clone();
     (session.run(&Cancel::new(), &mut |_| {}).unwrap(), night)
 }

@@ -8,6 +8,7 @@
 
 use super::OrbitError;
 use hifitime::{Duration, Epoch};
+use std::collections::BTreeMap;
 use std::path::Path;
 use sunglint_formats::time::{UtcDay, format_utc};
 use sunglint_formats::{FileError, ParseError, nearest_names};
@@ -201,6 +202,69 @@ pub fn choose<'a>(
             listed: list(&fits),
         },
     })
+}
+
+/// Objects that were asked for and are not there, or not one.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ObjectsError {
+    /// A catalogue number.
+    #[error(transparent)]
+    Number(ChoiceError),
+    /// A part of a name.
+    #[error("{wanted}: {why}")]
+    Name {
+        /// The part.
+        wanted: String,
+        /// Why there is none.
+        why: String,
+    },
+}
+
+/// The sets of some objects, one each: the one whose epoch is nearest to `near`, in the order of their numbers. The objects are those with the catalogue
+/// `numbers` and those whose name contains one of `names`, case ignored; all where neither is given.
+///
+/// # Errors
+/// A number or a name that no set has.
+pub fn of_objects(
+    tles: Vec<Tle>,
+    numbers: &[String],
+    names: &[String],
+    near: Epoch,
+) -> Result<Vec<Tle>, ObjectsError> {
+    if tles.is_empty() {
+        return Ok(tles);
+    }
+    let mut wanted_ids = Vec::new();
+    for wanted in numbers {
+        let tle = choose(&tles, Some(wanted), Some(near)).map_err(ObjectsError::Number)?;
+        wanted_ids.push(tle.norad_id);
+    }
+    let lower = |text: &str| text.to_lowercase();
+    for wanted in names {
+        let has = |t: &Tle| t.name.as_ref().is_some_and(|n| lower(n).contains(&lower(wanted)));
+        let before = wanted_ids.len();
+        wanted_ids.extend(tles.iter().filter(|t| has(t)).map(|t| t.norad_id));
+        if wanted_ids.len() == before {
+            let error = choose(&tles, Some(wanted), Some(near)).err();
+            let why = error.map_or("no name contains it".into(), |e| e.to_string());
+            return Err(ObjectsError::Name { wanted: wanted.clone(), why });
+        }
+    }
+    let all = numbers.is_empty() && names.is_empty();
+    let mut nearest: BTreeMap<u32, Tle> = BTreeMap::new();
+    let age = |t: &Tle| (t.epoch - near).abs();
+    for tle in tles {
+        if !all && !wanted_ids.contains(&tle.norad_id) {
+            continue;
+        }
+        match nearest.get(&tle.norad_id) {
+            Some(known) if age(known) <= age(&tle) => {}
+            _ => {
+                nearest.insert(tle.norad_id, tle);
+            }
+        }
+    }
+    Ok(nearest.into_values().collect())
 }
 
 fn age_s(tle: &Tle, near: Epoch) -> f64 {

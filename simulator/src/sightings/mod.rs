@@ -12,12 +12,16 @@ pub use seen::{ExpectedLight, KEYHOLE_DEG, Photometer, SeenPass, SightingEvent};
 
 use crate::pass::PassError;
 use rayon::prelude::*;
+use std::path::PathBuf;
 use sunglint_ephemeris::geometry::GeometryError;
+use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::Search;
+use sunglint_formats::FileError;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::air::AirError;
+use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::PhotometryError;
 use sunglint_radiometry::sky::SkyError;
 use sunglint_radiometry::spectrum::SpectrumError;
@@ -74,6 +78,44 @@ pub struct SightingFailure {
     pub what: String,
     /// Why.
     pub why: String,
+}
+
+/// Sets of elements of some files.
+#[derive(Debug, Clone, Default)]
+pub struct ReadSets {
+    /// The sets, file by file.
+    pub good: Vec<Tle>,
+    /// Sets that are none, with their places.
+    pub failures: Vec<SightingFailure>,
+    /// The files.
+    pub inputs: Vec<Input>,
+}
+
+/// Reads files of elements: two lines, or OMM. Sets that are none become failures.
+///
+/// # Errors
+/// A file that cannot be read, or that has no good set.
+pub fn read_sets(paths: &[PathBuf]) -> Result<ReadSets, FileError> {
+    let mut sets = ReadSets::default();
+    for path in paths {
+        let bytes = sunglint_formats::read::bytes(path)?;
+        let sha256 = sunglint_formats::sha256(&bytes);
+        sets.inputs.push(Input { file: path.display().to_string(), sha256 });
+        let text = sunglint_formats::read::decode(path, bytes)?;
+        let (good, mut bad) = elements::parse_lenient(path, &text);
+        if good.is_empty() && !bad.is_empty() {
+            return Err(bad.swap_remove(0).into());
+        }
+        sets.good.extend(good);
+        sets.failures.extend(bad.into_iter().map(|error| SightingFailure {
+            what: match error.line {
+                Some(line) => format!("{}:{line}", path.display()),
+                None => path.display().to_string(),
+            },
+            why: error.to_string(),
+        }));
+    }
+    Ok(sets)
 }
 
 /// Conditions that a visible pass must meet to be listed.

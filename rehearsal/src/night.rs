@@ -2,11 +2,15 @@
 
 use hifitime::Epoch;
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, Deadline, DeviceClock, VirtualClock, utc_now};
 use sunglint_drivers::device::{Camera, DeviceError, Mount, PhotonCounter};
-use sunglint_observatory::{CameraPlan, CounterPlan, MountPlan, Opener, Slot, VirtualRequest};
+use sunglint_observatory::{
+    CameraPlan, Catalogue, CounterPlan, MountPlan, Night, Opener, Plan, PlanError, Slot,
+    VirtualRequest,
+};
 use sunglint_virtual::observatory::devices::{
     ObservatoryError, Scheduled, Stay, VirtualObservatory,
 };
@@ -43,7 +47,7 @@ pub struct VirtualNight {
 impl VirtualNight {
     /// The night of a `virtual.toml` with the visits of a plan, or, where that has none, with its own, which the plan then gets.
     /// The files that it was made of, and its truth, come with the configuration's files.
-    pub(super) fn make(request: VirtualRequest<'_>) -> Result<Self, ObservatoryError> {
+    pub fn make(request: VirtualRequest<'_>) -> Result<Self, ObservatoryError> {
         let VirtualRequest { file, station, from, slots, mounted, files } = request;
         let planned = std::mem::take(slots);
         let stay = |slot: &Slot| Stay { target: slot.target.clone(), from: slot.from, to: slot.to };
@@ -60,7 +64,7 @@ impl VirtualNight {
     }
 
     /// The same night on the computer's clock: it must begin about now.
-    pub(super) fn in_real_time(self) -> Self {
+    pub fn in_real_time(self) -> Self {
         Self { real_time: true, ..self }
     }
 
@@ -125,4 +129,25 @@ impl Opener for VirtualNight {
     ) -> Result<Box<dyn PhotonCounter>, DeviceError> {
         Ok(Box::new(self.observatory.counter(&plan.channel_names())?))
     }
+}
+
+/// A night with the devices of the catalogue, or of a virtual observatory, which comes with it. `program` is the name and version that stand in the session.
+///
+/// # Errors
+/// A plan that cannot be read or that no night can follow.
+pub fn planned(
+    plan: &Path,
+    output: Option<&Path>,
+    program: &str,
+) -> Result<(Night, Option<VirtualNight>), PlanError> {
+    let mut made = None;
+    let plan = Plan::read_with(plan, &mut |request| {
+        made = Some(VirtualNight::make(request)?);
+        Ok(())
+    })?;
+    let opener: Arc<dyn Opener> = match &made {
+        Some(night) => Arc::new(night.clone()),
+        None => Catalogue::of(&plan),
+    };
+    Ok((Night::planned(plan, opener, output, program), made))
 }
