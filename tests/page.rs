@@ -824,9 +824,9 @@ for_s = 600
 [[camera]]
 name = "cam"
 device = "virtual"
-exposure_s = 0.2
+exposure_s = 0.05
 interval_s = 0.5
-window_px = [495, 319, 400, 400]
+window_px = [545, 369, 300, 300]
 [mount]
 device = "virtual"
 camera = "cam"
@@ -860,7 +860,7 @@ for_s = 300
         "Object.values(sunglint.live?.devices ?? {}).some((d) => d.mount?.state === 'locked')",
     );
     // A lock comes before the light stands still.
-    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'locked' && d.mount.seen_arcsec !== null && d.mount.seen_arcsec < 2) && sunglint.frame.header.size_px[0] === 400");
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'locked' && d.mount.seen_arcsec !== null && d.mount.seen_arcsec < 2) && sunglint.frame.header.size_px[0] === 300");
     std::thread::sleep(Duration::from_secs(2));
     let first = loop {
         if let Some(at) = star_at(&mut browser) {
@@ -874,7 +874,7 @@ for_s = 300
     browser.until("document.getElementById('notice').innerText.includes('for its target')");
     star_stands(&mut browser, first);
     // It is kept elsewhere.
-    let place = [first[0] + 60.0, first[1] - 45.0];
+    let place = [first[0] + 40.0, first[1] - 30.0];
     browser.click("#mount-keep");
     let at = on_screen(&mut browser, place);
     click_at(&mut browser, at);

@@ -6,7 +6,7 @@ use sunglint_observatory::telescope::sun;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer, Star};
 use sunglint_radiometry::station::Station;
 
-/// A star that is high, far from the Sun and from the meridian now.
+/// A star that is high, far from the Sun and from the meridian now, and does not saturate a camera in a twentieth of a second.
 pub fn star_of_now() -> String {
     let station = Station::built_in("ufo").unwrap().unwrap();
     let place = station.site.geodetic();
@@ -21,7 +21,7 @@ pub fn star_of_now() -> String {
     };
     let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
     let stars = Catalogue::embedded().stars().iter();
-    let named = stars.filter(|star| star.v_mag.is_some_and(|v| v < 4.5) && star.hip.is_some());
+    let named = stars.filter(|star| star.v_mag.is_some_and(|v| (2.5..4.5).contains(&v)) && star.hip.is_some());
     let found = named
         .filter(|star| now_fits(star) && soon_fits(star))
         .find(|star| Catalogue::embedded().find(&star.label()).is_ok());
