@@ -5,7 +5,7 @@ use super::session::{Place, STARTS, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
     self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountMotion, MountPlace,
-    MountRates, MountReading, MountSite, Origin, PierSide, Setting, Value,
+    MountRates, MountReading, MountSite, PierSide, Setting,
 };
 use crate::transport::{Bytes, TransportError};
 use hifitime::Epoch;

@@ -279,6 +279,8 @@ mod tests {
                 to: 2.0,
                 charts: vec![chart(bad)],
             }],
+            others_title: bad.into(),
+            others_note: bad.into(),
             others: vec![chart(bad)],
             sections: vec![Section {
                 title: bad.into(),
