@@ -60,11 +60,6 @@ impl Stencil {
         &self.parts[..self.len]
     }
 
-    /// Multiplies the weights of the parts from number `from` on.
-    pub fn scale_from(&mut self, from: usize, factor: f64) {
-        self.parts[from.min(self.len)..self.len].iter_mut().for_each(|p| p.1 *= factor);
-    }
-
     pub fn len(&self) -> usize {
         self.len
     }
