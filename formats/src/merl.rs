@@ -66,8 +66,7 @@ impl MerlBrdf {
 
     /// The bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out: Vec<u8> =
-            self.cells.iter().flat_map(|n| (*n as i32).to_le_bytes()).collect();
+        let mut out: Vec<u8> = self.cells.iter().flat_map(|n| (*n as i32).to_le_bytes()).collect();
         out.extend(self.stored.iter().flat_map(|v| v.to_le_bytes()));
         out
     }
@@ -126,7 +125,9 @@ mod tests {
         let bytes = file.to_bytes();
         assert!(is_merl(&bytes) && !is_merl(&bytes[1..]));
         assert_eq!(MerlBrdf::from_bytes("x", &bytes).unwrap(), file);
-        for (h_deg, d_deg, p_deg) in [(0.3_f64, 12.2_f64, 7.7_f64), (44.4, 3.5, 170.2), (5.0, 60.1, 91.0)] {
+        for (h_deg, d_deg, p_deg) in
+            [(0.3_f64, 12.2_f64, 7.7_f64), (44.4, 3.5, 170.2), (5.0, 60.1, 91.0)]
+        {
             let h = (h_deg * 90.0).sqrt() as usize;
             let index = (h * 90 + d_deg as usize) * 180 + p_deg as usize;
             // The middle of that cell.

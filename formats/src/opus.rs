@@ -121,7 +121,9 @@ impl OpusSpectrum {
     pub fn x(&self) -> Vec<f64> {
         let n = self.value.len();
         let step = if n > 1 { (self.last - self.first) / (n - 1) as f64 } else { 0.0 };
-        (0..n).map(|k| if k + 1 == n && n > 1 { self.last } else { self.first + step * k as f64 }).collect()
+        (0..n)
+            .map(|k| if k + 1 == n && n > 1 { self.last } else { self.first + step * k as f64 })
+            .collect()
     }
 
     /// Returns the values times their factor.
@@ -367,7 +369,9 @@ pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<OpusFile, Pars
     if found.spectra.is_empty() {
         let seen = format!("{} blocks of data, none a spectrum", found.others);
         let error = ParseError::new(path, seen, "a spectrum over wavenumbers or wavelengths");
-        return Err(error.with_hint("interferograms and phases are no spectra: transform them in OPUS"));
+        return Err(
+            error.with_hint("interferograms and phases are no spectra: transform them in OPUS")
+        );
     }
     Ok(found)
 }

@@ -45,7 +45,8 @@ impl UtiaBrdf {
         if bytes.len() != BYTES {
             let found = format!("{} bytes", bytes.len());
             let expected = format!("{BYTES}: 6 elevations by 48 azimuths, twice, three colours");
-            return Err(ParseError::new(path, found, expected).with_hint("the file is cut off, or has other steps"));
+            return Err(ParseError::new(path, found, expected)
+                .with_hint("the file is cut off, or has other steps"));
         }
         let value_per_sr: Vec<f64> =
             bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();

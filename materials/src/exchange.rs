@@ -12,9 +12,9 @@ use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::fred::{FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::ZemaxBsdf;
 use sunglint_formats::{Meta, ParseError};
+use sunglint_simulator::surface::MaterialError;
 use sunglint_simulator::surface::brdf_table::{self, Row};
 use sunglint_simulator::surface::measured::{self, WriteOptions};
-use sunglint_simulator::surface::MaterialError;
 
 pub use sunglint_simulator::surface::brdf_table::Exchange;
 

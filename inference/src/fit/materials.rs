@@ -32,8 +32,7 @@ pub(super) fn doubts(
         let simulation = pass.simulate(&|_| {})?;
         let Some(doubt) = simulation.material_doubt(&|_| {})? else { continue };
         let model = &fit.curves[k].model;
-        let places: Vec<Option<usize>> =
-            channels.iter().map(|c| place(&pass.station, c)).collect();
+        let places: Vec<Option<usize>> = channels.iter().map(|c| place(&pass.station, c)).collect();
         for one in &doubt.each {
             let relative = |i: usize, c: usize| {
                 if curve.measured.magnitudes {

@@ -2,8 +2,8 @@
 
 use super::RawSpectrum;
 use std::path::Path;
-use sunglint_formats::toml::Document;
 use sunglint_formats::opus::{self, OpusSpectrum, Quantity, Side};
+use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, jcamp};
 
 /// Columns that are an axis: name, factor to nm (of wavenumbers none).

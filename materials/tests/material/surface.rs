@@ -398,7 +398,8 @@ fn fred_and_zemax_say_the_same() {
         let text = std::fs::read_to_string(path).unwrap();
         let file = zemax::read_str(path, &text).unwrap();
         assert_eq!(zemax::read_str("x", &zemax::to_string(&file)).unwrap(), file);
-        let samples = exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(650.0)).unwrap();
+        let samples =
+            exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(650.0)).unwrap();
         let written = exchange::to_zemax(&samples, 0).unwrap();
         let again = exchange::read_bytes(
             Path::new("x"),

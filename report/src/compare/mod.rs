@@ -190,7 +190,11 @@ fn say_budget(compared: &Comparison<'_>, text: &mut String) {
         );
     }
     if let Some(doubt) = &compared.material {
-        let _ = writeln!(text, "  doubt of materials (95 %, of {}): median / largest; of the scale, if all is off alike", doubt.names());
+        let _ = writeln!(
+            text,
+            "  doubt of materials (95 %, of {}): median / largest; of the scale, if all is off alike",
+            doubt.names()
+        );
         for pair in &compared.pairs {
             let Some(m) = pair.channel.numbers.as_ref().and_then(|n| n.material) else { continue };
             let _ = writeln!(

@@ -2,6 +2,9 @@
 
 use super::{Fresnel, Lobe, Material, Model};
 
+/// The effort's tolerance of laws without kinks.
+const SMOOTH: f64 = 1e-5;
+
 /// Angular structure of a material that there is to resolve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Width<'a> {
@@ -28,6 +31,14 @@ impl Material {
                 fresnel.spectra().len()
             }
             _ => 0,
+        }
+    }
+
+    /// The relative error below which an average of it is no better: 0 of a formula; of measured values, which are linear between their places, what their kinks leave.
+    pub(crate) fn grain(&self) -> f64 {
+        match &self.model {
+            Model::Law(law) if law.effort().tolerance > SMOOTH => law.effort().tolerance,
+            _ => 0.0,
         }
     }
 

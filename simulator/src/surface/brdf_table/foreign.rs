@@ -11,8 +11,8 @@ use std::path::Path;
 use sunglint_formats::ParseError;
 use sunglint_formats::astm::{self, AstmScatter};
 use sunglint_formats::fred::{self, FredIncidence, FredRow, FredScatter};
-use sunglint_formats::{merl, utia};
 use sunglint_formats::zemax::{self, ZemaxBsdf};
+use sunglint_formats::{merl, utia};
 
 /// A format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

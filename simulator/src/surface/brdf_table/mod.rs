@@ -304,7 +304,8 @@ impl Table {
         let (there, back, flat) = if self.flat {
             let (tilt, half, flat) = bisected(i, o)?;
             // In the plane: signed angles from the normal, and the tilt towards whichever is the light.
-            let [light, seen] = [tilt - half, tilt + half].map(|a| a.clamp(-GRAZING_RAD, GRAZING_RAD));
+            let [light, seen] =
+                [tilt - half, tilt + half].map(|a| a.clamp(-GRAZING_RAD, GRAZING_RAD));
             let tilt = 0.5 * (light + seen);
             let there = self.one_flat_way(light.abs(), tilt.copysign(tilt * light), &mut a);
             let back = self.one_flat_way(seen.abs(), tilt.copysign(tilt * seen), &mut b);
