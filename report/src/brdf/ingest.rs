@@ -75,7 +75,7 @@ pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
     if let Some(missing) = samples.meta.get("without_value") {
         let _ = writeln!(
             text,
-            "{missing} directions above the horizon hold 0 and are left out: no value"
+            "{missing} directions above the horizon have no value (0 or negative) and are left out"
         );
     }
     text
