@@ -49,6 +49,10 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     fn effort(&self) -> Effort {
         Effort { tolerance: 1e-5, most: 60_000 }
     }
+    /// The relative error at which an average over nearby directions is good enough. Between measured values there are kinks, which no refinement resolves.
+    fn grain(&self) -> f64 {
+        0.0
+    }
     /// Whether there are geometries without data: the last spectrum is then [`super::uncovered`].
     fn has_gaps(&self) -> bool {
         false

@@ -2,9 +2,6 @@
 
 use super::{Fresnel, Lobe, Material, Model};
 
-/// The effort's tolerance of laws without kinks.
-const SMOOTH: f64 = 1e-5;
-
 /// Angular structure of a material that there is to resolve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Width<'a> {
@@ -34,10 +31,10 @@ impl Material {
         }
     }
 
-    /// The relative error below which an average of it is no better: 0 of a formula; of measured values, which are linear between their places, what their kinks leave.
+    /// The relative error at which an average of it is good enough: 0 of a formula.
     pub(crate) fn grain(&self) -> f64 {
         match &self.model {
-            Model::Law(law) if law.effort().tolerance > SMOOTH => law.effort().tolerance,
+            Model::Law(law) => law.grain(),
             _ => 0.0,
         }
     }

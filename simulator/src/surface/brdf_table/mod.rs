@@ -503,6 +503,10 @@ impl Scatter for Table {
         Effort { tolerance: 1e-3, most: 60_000 }
     }
 
+    fn grain(&self) -> f64 {
+        1e-3
+    }
+
     fn has_gaps(&self) -> bool {
         true
     }
