@@ -145,15 +145,21 @@ fn the_doubt_of_a_material_is_carried_to_scale_and_fit() {
     };
     assert!((relative(&json) / relative(&without) - 1.0).abs() < 0.1, "{n}");
     let table = ecsv::read(folder.path("out/pass_compared.ecsv")).unwrap();
-    let (half, light) =
-        (table.f64("g_material_hz").unwrap(), table.f64("g_simulated_hz").unwrap());
+    let (half, light) = (table.f64("g_material_hz").unwrap(), table.f64("g_simulated_hz").unwrap());
     let lit: Vec<usize> = (0..light.len()).filter(|i| light[*i] > 0.0).collect();
     assert!(lit.len() > 10);
     for i in lit {
         assert!((half[i] / light[i] / wanted - 1.0).abs() < 0.02, "{i}: {}", half[i] / light[i]);
     }
     let fit = folder.json(&[
-        "fit", "measured.ecsv", "pass.toml", "--free", "gain", "--channel", "g", "--json",
+        "fit",
+        "measured.ecsv",
+        "pass.toml",
+        "--free",
+        "gain",
+        "--channel",
+        "g",
+        "--json",
     ]);
     assert_eq!(fit["doubtful_materials"], json!(["known"]));
     let gain = &fit["fit"]["parameters"][0];
