@@ -157,6 +157,17 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
     if azimuths.is_empty() {
         azimuths.insert(0);
     }
+    // At normal incidence all azimuths are alike of a table with one azimuth of incidence.
+    let upright: Vec<(i64, f64)> = found
+        .iter()
+        .filter(|((theta, _, radial), _)| *theta == 0 && *radial != 0)
+        .map(|((.., radial), value)| (*radial, *value))
+        .collect();
+    for (radial, value) in upright {
+        for azimuth in &azimuths {
+            found.insert((0, *azimuth, radial), value);
+        }
+    }
     let deg = |all: &BTreeSet<i64>| all.iter().map(|v| *v as f64 / 1e6).collect::<Vec<f64>>();
     let (mut tis, mut value_per_sr) = (Vec::new(), Vec::new());
     for theta in &incidences {

@@ -206,8 +206,9 @@ fn made_up(seed: u64, rng: &mut Xoshiro256PlusPlus) -> Truth {
     };
     let room = 0.85 - most(&|nm| truth.f0 * (truth.of_f)(nm));
     let brightest = truth.rho * most(&|nm| (truth.of_rho)(nm));
-    if brightest > room {
-        truth.rho *= room / brightest;
+    // Metals have no diffuse part.
+    if brightest > room && brightest > 0.0 {
+        truth.rho *= room.max(0.1) / brightest;
     }
     truth
 }
