@@ -171,7 +171,8 @@ impl Material {
     ) -> Result<Vec<f64>, MaterialError> {
         let (sum, error) = self.numerical_albedo(i, law.effort());
         let size = sum.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-        if error > REFUSED * size {
+        // Of a doubt the first digit is enough.
+        if error > REFUSED.max(10.0 * law.grain()) * size {
             return Err(MaterialError::Albedo {
                 theta_deg: i.z.acos().to_degrees(),
                 error: error / size,
