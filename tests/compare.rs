@@ -117,6 +117,58 @@ fn what_was_put_in_is_found() {
     assert!(folder.refused(1, &[&COMPARE[..], &["-o", "out/"]].concat()).contains("--force"));
 }
 
+/// Truth: closed form. Of a sphere whose f is known to e^±0.2 in all directions the light is known to e^0.2 − 1, and so is the scale: noise of 2 % about the scaled simulation is far inside that, and the scale's own
+/// uncertainty is what it is without. A fitted gain takes up all of it: its relative standard uncertainty by the material is (e^0.2 − 1)/1.96, and by nothing else as large. Tolerance 2 % (the doubt's integral over a sphere).
+#[test]
+fn the_doubt_of_a_material_is_carried_to_scale_and_fit() {
+    let (folder, _) = folder("compare-doubt", 10.0);
+    let without = folder.json(&[&COMPARE[..], &["--json", "--channel", "g"]].concat());
+    assert!(without["doubtful_materials"].is_null());
+    assert!(without["channels"][0]["numbers"]["material"].is_null());
+    let rest = SPHERE_PASS.replace("step_s = 20", "step_s = 10");
+    let rest = rest.split_once("[orbit]").unwrap().1;
+    let target = "[[target.part]]\nname = \"ball\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"known\"\n[[target.material]]\nname = \"known\"\nmodel = \"composite\"\nreflectance = 1.0\ndiffuse = { reflectance = 0.5 }\n[target.material.doubt]\npeak_ln = 0.2\nwings_ln = 0.2\ngrazing_ln = 0.2\n";
+    std::fs::write(folder.path("pass.toml"), format!("{target}[orbit]{rest}")).unwrap();
+    let json = folder.json(&[&COMPARE[..], &["--json", "--channel", "g", "-o", "out/"]].concat());
+    assert_eq!(json["doubtful_materials"], json!(["known"]));
+    let wanted = 0.2_f64.exp_m1();
+    let n = &json["channels"][0]["numbers"];
+    for key in ["median_relative", "largest_relative", "of_scale"] {
+        let found = n["material"][key].as_f64().unwrap();
+        assert!((found / wanted - 1.0).abs() < 0.02, "{key}: {found} {wanted}");
+    }
+    assert!(n["chi2"]["past_materials"].as_f64().unwrap() < 1e-3, "{n}");
+    assert!(n["chi2"]["data"].as_f64().unwrap() > 0.5, "{n}");
+    let relative = |json: &Value| {
+        let n = &json["channels"][0]["numbers"];
+        n["scale_sigma"].as_f64().unwrap() / n["scale"].as_f64().unwrap()
+    };
+    assert!((relative(&json) / relative(&without) - 1.0).abs() < 0.1, "{n}");
+    let table = ecsv::read(folder.path("out/pass_compared.ecsv")).unwrap();
+    let (half, light) = (table.f64("g_material_hz").unwrap(), table.f64("g_simulated_hz").unwrap());
+    let lit: Vec<usize> = (0..light.len()).filter(|i| light[*i] > 0.0).collect();
+    assert!(lit.len() > 10);
+    for i in lit {
+        assert!((half[i] / light[i] / wanted - 1.0).abs() < 0.02, "{i}: {}", half[i] / light[i]);
+    }
+    let fit = folder.json(&[
+        "fit",
+        "measured.ecsv",
+        "pass.toml",
+        "--free",
+        "gain",
+        "--channel",
+        "g",
+        "--json",
+    ]);
+    assert_eq!(fit["doubtful_materials"], json!(["known"]));
+    let gain = &fit["fit"]["parameters"][0];
+    let number = |key: &str| gain[key].as_f64().unwrap_or_else(|| panic!("{key}: {gain}"));
+    let by_material = number("sigma_material") / number("value");
+    assert!((by_material / (wanted / 1.96) - 1.0).abs() < 0.02, "{gain}");
+    assert!(number("sigma") >= number("sigma_material") && number("sigma") < 0.2 * number("value"));
+}
+
 /// Truth: the same rows from the first to the last. Everything is the same to the last bit but the file's digest and the seconds that the simulation took.
 #[test]
 fn the_order_of_rows_does_not_matter() {

@@ -22,6 +22,7 @@ struct Curve {
     flags: Vec<Flags>,
     simulated: Vec<f64>,
     model_error: Vec<f64>,
+    material: Option<Vec<f64>>,
     simulated_flags: Vec<Flags>,
     within: Vec<bool>,
     twinkling: Option<Vec<f64>>,
@@ -33,6 +34,7 @@ impl Curve {
         Self {
             exposure_s: vec![0.1; n],
             model_error: vec![0.0; n],
+            material: None,
             flags: vec![Flags::empty(); n],
             simulated_flags: vec![Flags::empty(); n],
             within: vec![true; n],
@@ -52,6 +54,7 @@ impl Curve {
             flags: &self.flags,
             simulated: &self.simulated,
             model_error: &self.model_error,
+            material: self.material.as_deref(),
             simulated_flags: &self.simulated_flags,
             within: &self.within,
             twinkling: self.twinkling.as_deref(),
@@ -72,6 +75,7 @@ fn numbers_of_a_few_samples() {
     curve.exposure_s = vec![1.0, 1.0, 2.0, 1.0];
     curve.flags[3] = Flags::SATURATED | Flags::OFF_AXIS;
     curve.model_error = vec![0.1, 0.1, 0.6, 0.0];
+    curve.material = Some(vec![0.05, 0.4, 0.3, 9.0]);
     let channel = curve.channel();
     assert_eq!(channel.used, [true, true, true, false]);
     let numbers = channel.numbers.unwrap();
@@ -88,6 +92,12 @@ fn numbers_of_a_few_samples() {
     let past = |r: f64, e: f64, s: f64| ((r.abs() - a * e).max(0.0) / s).powi(2);
     let expected = (past(r[0], 0.1, 1.0) + past(r[1], 0.1, 1.0) + past(r[2], 0.6, 2.0)) / 2.0;
     assert!((chi2.past_stated - expected).abs() < 1e-13);
+    let expected = (past(r[0], 0.15, 1.0) + past(r[1], 0.5, 1.0) + past(r[2], 0.9, 2.0)) / 2.0;
+    assert!((chi2.past_materials.unwrap() - expected).abs() < 1e-13);
+    // Relative 0.05, 0.2 and 0.1; of all light (0.05 + 0.4 + 2 · 0.3)/9. The scale's own uncertainty is as without.
+    let material = numbers.material.unwrap();
+    assert!((material.median - 0.1).abs() < 1e-14 && (material.largest - 0.2).abs() < 1e-14);
+    assert!((material.of_scale - 1.05 / 9.0).abs() < 1e-14);
     assert!((chi2.unscaled - (1.0 + 4.0 + 9.0) / 3.0).abs() < 1e-13);
     let rms = (r[0].powi(2) + r[1].powi(2) + 2.0 * r[2].powi(2)) / (a * a * (1.0 + 4.0 + 18.0));
     assert!((numbers.rms - rms.sqrt()).abs() < 1e-14);

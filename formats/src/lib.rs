@@ -8,7 +8,9 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
+//! - [`opus`]: spectra in files of Bruker's OPUS;
 //! - [`fred`], [`zemax`], [`astm`]: scattered light as optical design programs and laboratories tabulate it;
+//! - [`merl`], [`utia`]: reflection as databases of measured materials hold it;
 //! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`image_frame`]: a frame of any other program, its header in one form;
@@ -80,6 +82,8 @@ pub mod frame;
 pub mod fred;
 pub mod image_frame;
 pub mod jcamp;
+pub mod merl;
+pub mod opus;
 pub mod photometry;
 pub mod read;
 pub mod session;
@@ -89,6 +93,7 @@ pub mod text;
 pub mod text_table;
 pub mod time;
 pub mod toml;
+pub mod utia;
 pub mod wcs;
 pub mod zemax;
 

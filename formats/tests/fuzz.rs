@@ -18,6 +18,10 @@ mod fits;
 mod fred;
 #[path = "../fuzz/targets/jcamp.rs"]
 mod jcamp;
+#[path = "../fuzz/targets/merl.rs"]
+mod merl;
+#[path = "../fuzz/targets/opus.rs"]
+mod opus;
 #[path = "../fuzz/targets/photometry.rs"]
 mod photometry;
 #[path = "../fuzz/targets/tags.rs"]
@@ -26,6 +30,8 @@ mod tags;
 mod toml;
 #[path = "../fuzz/targets/utc.rs"]
 mod utc;
+#[path = "../fuzz/targets/utia.rs"]
+mod utia;
 #[path = "../fuzz/targets/wcs.rs"]
 mod wcs;
 #[path = "../fuzz/targets/zemax.rs"]
@@ -37,7 +43,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 14] = [
+    let targets: [Target; 17] = [
         ("astm", &[], astm::run),
         ("bsdf", &["fixtures/formats/hostile"], bsdf::run),
         ("curve", &["fixtures/formats/hostile"], curve::run),
@@ -46,10 +52,13 @@ fn campaign_fuzz() {
         ("fits", &["fixtures/formats/hostile"], fits::run),
         ("fred", &[], fred::run),
         ("jcamp", &[], jcamp::run),
+        ("merl", &[], merl::run),
+        ("opus", &[], opus::run),
         ("photometry", &[], photometry::run),
         ("tags", &["fixtures/tags"], tags::run),
         ("toml", &["fixtures/formats/hostile"], toml::run),
         ("utc", &[], utc::run),
+        ("utia", &[], utia::run),
         ("wcs", &[], wcs::run),
         ("zemax", &[], zemax::run),
     ];

@@ -1,4 +1,4 @@
-//! Measured values as other programs and laboratories write them: FRED, Zemax, and the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them.
+//! Measured values as other programs and laboratories write them: FRED, Zemax, ASTM, the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them, and the files of the MERL, UTIA and RGL databases.
 //!
 //! Which it is follows from the content, never from the ending: Zemax's `.bsdf` is text, ours and Mitsuba's is a tensor file.
 
@@ -8,31 +8,38 @@ use glam::DVec3;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
+use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::fred::{FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::ZemaxBsdf;
 use sunglint_formats::{Meta, ParseError};
-use sunglint_simulator::surface::brdf_table::Row;
+use sunglint_simulator::surface::MaterialError;
+use sunglint_simulator::surface::brdf_table::{self, Row};
+use sunglint_simulator::surface::measured::{self, WriteOptions};
 
 pub use sunglint_simulator::surface::brdf_table::Exchange;
 
-/// Reads measured values from a text in one of these formats. `wavelength_nm` is that of a file that does not say it.
+/// Reads measured values from a file in one of these formats. `wavelength_nm` is that of a file that does not say it, or which of several.
 ///
 /// # Errors
 /// The errors of the format's reader; light that was transmitted; a wavelength that neither file nor caller gives.
-pub fn read_str(
+pub fn read_bytes(
     path: &Path,
-    text: &str,
+    content: &[u8],
     format: Exchange,
     wavelength_nm: Option<f64>,
 ) -> Result<Samples, ParseError> {
-    let found = format.read(path, text, wavelength_nm)?;
+    let found = format.read(path, content, wavelength_nm)?;
     let mut meta = Meta::new();
     meta.insert("read_from".into(), json!(format.name()));
     if found.missing > 0 {
         meta.insert("without_value".into(), json!(found.missing));
     }
+    if found.colours {
+        let what = "colours, not wavelengths: red, green and blue stand at the dominant wavelengths of sRGB's primaries";
+        meta.insert("wavelengths_are".into(), json!(what));
+    }
     let rows = found.rows.into_iter().map(sample).collect();
-    Ok(Samples { wavelength_nm: vec![found.wavelength_nm], rows, meta })
+    Ok(Samples { wavelength_nm: found.wavelength_nm, rows, meta })
 }
 
 fn sample(row: Row) -> Sample {
@@ -150,6 +157,17 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
     if azimuths.is_empty() {
         azimuths.insert(0);
     }
+    // At normal incidence all azimuths are alike of a table with one azimuth of incidence.
+    let upright: Vec<(i64, f64)> = found
+        .iter()
+        .filter(|((theta, _, radial), _)| *theta == 0 && *radial != 0)
+        .map(|((.., radial), value)| (*radial, *value))
+        .collect();
+    for (radial, value) in upright {
+        for azimuth in &azimuths {
+            found.insert((0, *azimuth, radial), value);
+        }
+    }
     let deg = |all: &BTreeSet<i64>| all.iter().map(|v| *v as f64 / 1e6).collect::<Vec<f64>>();
     let (mut tis, mut value_per_sr) = (Vec::new(), Vec::new());
     for theta in &incidences {
@@ -190,4 +208,22 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
         tis,
         value_per_sr,
     })
+}
+
+/// Values as a tensor file of the RGL kind, which Mitsuba 3 reads: interpolated as a table is ([`sunglint_simulator::surface::brdf_table`]), at the file's own directions.
+///
+/// # Errors
+/// Values that make no table; a tangent that the file's quarter of the azimuths does not hold.
+pub fn to_rgl(samples: &Samples) -> Result<TensorFile, MaterialError> {
+    let row = |s: &Sample| Row {
+        theta_i_deg: s.theta_i_deg,
+        phi_i_deg: s.phi_i_deg,
+        theta_o_deg: s.theta_o_deg,
+        phi_o_deg: s.phi_o_deg,
+        brdf_per_sr: s.brdf_per_sr.clone(),
+    };
+    let known = |s: &&Sample| s.brdf_per_sr.iter().all(|v| v.is_finite() && *v >= 0.0);
+    let rows: Vec<Row> = samples.rows.iter().filter(known).map(row).collect();
+    let table = brdf_table::material("table", &samples.wavelength_nm, &rows, None)?;
+    measured::write(&table, &WriteOptions::at(samples.wavelength_nm.clone()))
 }

@@ -1,5 +1,6 @@
 //! Properties of a material, and the differences of two: slices, hemispherical reflectance, reciprocity.
 
+use crate::exchange::Exchange;
 use crate::read::ReadError;
 use crate::samples::direction;
 use std::path::Path;
@@ -73,7 +74,7 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
     let path = Path::new(file);
     let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
     // Zemax's tables have the same ending and are text.
-    if is("bsdf") && crate::read::exchange_format(path).is_none() {
+    if is("bsdf") && matches!(crate::read::exchange_format(path), None | Some(Exchange::Rgl)) {
         return Ok(measured::read(file, path)?);
     }
     if is("toml") {

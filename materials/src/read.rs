@@ -6,7 +6,7 @@ use crate::samples::Samples;
 use std::path::Path;
 use sunglint_formats::fits::Fits;
 use sunglint_formats::text_table::read_str;
-use sunglint_formats::{FileError, ParseError, Table};
+use sunglint_formats::{FileError, ParseError, Table, opus};
 use sunglint_radiometry::light_curve::Input;
 
 /// Why a table cannot be read.
@@ -45,17 +45,25 @@ pub fn samples(
         let inputs = vec![Input { file: path.display().to_string(), sha256 }];
         return Ok((Samples::from_fits(&fits)?, inputs));
     }
-    let (text, inputs) = text(path)?;
-    if let Some(format) = Exchange::of(&text) {
-        return Ok((exchange::read_str(path, &text, format, wavelength_nm)?, inputs));
+    let bytes = sunglint_formats::read::bytes(path)?;
+    if let Some(format) = Exchange::of(&bytes) {
+        let sha256 = sunglint_formats::sha256(&bytes);
+        let inputs = vec![Input { file: path.display().to_string(), sha256 }];
+        return Ok((exchange::read_bytes(path, &bytes, format, wavelength_nm)?, inputs));
     }
+    if opus::is_opus(&bytes) {
+        let error = ParseError::new(path, "a spectrum of Bruker OPUS", "BRDF values");
+        let hint = "a spectrum is one direction: name it in an ingest.toml (docs/lab-values.md)";
+        return Err(ReadError::Parse(error.with_hint(hint)));
+    }
+    let (text, inputs) = text_of(path, bytes)?;
     let table = read_str(path, &text)?;
     Ok((Samples::from_table(path, &table, wavelength_nm)?, inputs))
 }
 
-/// The format of another program that a file is in; `None` of our own, of what is no text, and of what is not there.
+/// The format of another program that a file is in; `None` of our own tables, and of what is not there.
 pub fn exchange_format(path: &Path) -> Option<Exchange> {
-    Exchange::of(&text(path).ok()?.0)
+    Exchange::of(&sunglint_formats::read::bytes(path).ok()?)
 }
 
 /// Reads a table from a file, ECSV or plain columns.
@@ -69,6 +77,10 @@ pub fn table(path: &Path) -> Result<(Table, Vec<Input>), ReadError> {
 
 fn text(path: &Path) -> Result<(String, Vec<Input>), ReadError> {
     let bytes = std::fs::read(path).map_err(|e| FileError::io("read", path, e))?;
+    text_of(path, bytes)
+}
+
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<(String, Vec<Input>), ReadError> {
     let sha256 = sunglint_formats::sha256(&bytes);
     let text = String::from_utf8(bytes).map_err(|source| {
         let file = path.display().to_string();

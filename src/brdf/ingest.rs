@@ -5,7 +5,9 @@ use crate::progress::Bar;
 use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
+use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::{fred, zemax};
+use sunglint_materials::exchange::Exchange;
 use sunglint_materials::goniometer::folder;
 use sunglint_materials::ingest::file::ingest_file;
 use sunglint_materials::{exchange, read};
@@ -15,7 +17,7 @@ use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, table_product, table_
 /// Arguments of `sunglint brdf ingest`.
 #[derive(Debug, Args)]
 pub struct IngestArgs {
-    /// The folder of a run (`sunglint brdf run`); or which file is which direction and role (INGEST.toml); or a table of FRED's or Zemax's, known by its content
+    /// The folder of a run (`sunglint brdf run`); or which file is which direction and role (INGEST.toml); or a table of FRED, Zemax, ASTM, Scatterworks, or a file of the MERL, UTIA or RGL database, known by its content
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// The wavelength of a table that does not say it
@@ -27,6 +29,9 @@ pub struct IngestArgs {
     /// Write the values for Zemax OpticStudio, too: directions must be a grid about the mirrored ray
     #[arg(long, value_name = "FILE")]
     pub zemax: Option<PathBuf>,
+    /// Write the values as a tensor file of the RGL kind, too, which Mitsuba 3 reads: at its own directions, interpolated; a file of this kind is written as it is
+    #[arg(long, value_name = "FILE")]
+    pub rgl: Option<PathBuf>,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -101,6 +106,17 @@ fn table(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
         others.push((path.clone(), zemax::to_string(&made).into_bytes()));
     }
     let format = read::exchange_format(&args.file);
+    if let Some(path) = &args.rgl {
+        let bytes = match format {
+            Some(Exchange::Rgl) => TensorFile::read(&args.file)?.to_bytes(),
+            _ => {
+                let made = exchange::to_rgl(&samples);
+                made.with_context(|| args.file.display().to_string())?.to_bytes()
+            }
+        };
+        let bytes = bytes.with_context(|| args.file.display().to_string())?;
+        others.push((path.clone(), bytes));
+    }
     let product = table_product(&samples, format, &inputs)?;
     args.out.finish_with(&product, others, &table_text(&samples, format), console)
 }

@@ -26,6 +26,8 @@ pub struct Given<'a> {
     pub simulated: &'a [f64],
     /// How far off that may be by its own stated error: a bound.
     pub model_error: &'a [f64],
+    /// Half-width of the 95 % interval that it has by the doubt of the body's materials; `None` where no material says how well it is known.
+    pub material: Option<&'a [f64]>,
     /// Flags of each simulated value.
     pub simulated_flags: &'a [Flags],
     /// Whether the sample lies within the times that are compared.
@@ -109,8 +111,22 @@ pub struct Chi2 {
     pub with_twinkling: Option<f64>,
     /// By the data's σ, of what is left of a difference past the simulation's stated error: the least that this error allows.
     pub past_stated: f64,
+    /// The same of what is left past that and the doubt of the materials; `None` where no material says how well it is known. The scale has taken what all samples have in common, so this is
+    /// the least that both allow.
+    pub past_materials: Option<f64>,
     /// By the data's σ alone, at a scale of 1.
     pub unscaled: f64,
+}
+
+/// Doubt of the body's materials, as it is in the light of a channel: half-widths of 95 % intervals, relative.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaterialBudget {
+    /// The median over the samples with light.
+    pub median: f64,
+    /// The largest.
+    pub largest: f64,
+    /// Of all the light, if all of it is off alike, and so of the scale. It is in no uncertainty of the scale: more samples do not make it less.
+    pub of_scale: f64,
 }
 
 /// Statistics of the samples of a channel that count.
@@ -140,6 +156,8 @@ pub struct Numbers {
     pub twinkling: Option<f64>,
     /// The simulation's stated error: the median and the largest, relative to the sample.
     pub stated: (f64, f64),
+    /// Doubt of the materials; `None` where none says how well it is known.
+    pub material: Option<MaterialBudget>,
     /// Measured less simulated in magnitudes: mean, root mean square, standard deviation about the mean; `None` where a sample that counts is not above 0.
     pub magnitudes: Option<[f64; 3]>,
     /// χ²; `None` without σ.
@@ -273,7 +291,16 @@ impl Numbers {
             rms: root(&|i| given.measured[i] - scale * given.simulated[i]),
             noise: has_sigma.then(|| root(&|i| given.sigma[i])),
             twinkling: given.twinkling.map(|v| root(&|i| v[i].sqrt() * scale * given.simulated[i])),
-            stated: stated(given, &picked),
+            stated: relative_error(given, &picked, given.model_error),
+            material: given.material.map(|half| {
+                let (median, largest) = relative_error(given, &picked, half);
+                let all: f64 = picked
+                    .iter()
+                    .filter(|i| half[**i].is_finite())
+                    .map(|i| given.exposure_s[*i] * half[*i])
+                    .sum();
+                MaterialBudget { median, largest, of_scale: all / model }
+            }),
             magnitudes: magnitudes(given, &picked),
             chi2: chi2(given, &picked, scale),
         })
@@ -321,12 +348,12 @@ fn student_half(sigma: f64, blocks: usize) -> f64 {
     super::student_95(blocks.saturating_sub(1)) * sigma
 }
 
-/// The stated error of samples with light, relative: median and largest.
-fn stated(given: &Given<'_>, picked: &[usize]) -> (f64, f64) {
+/// An error of samples with light, relative: median and largest.
+fn relative_error(given: &Given<'_>, picked: &[usize], error: &[f64]) -> (f64, f64) {
     let shares: Vec<f64> = picked
         .iter()
-        .filter(|i| given.simulated[**i] > 0.0 && given.model_error[**i].is_finite())
-        .map(|i| given.model_error[*i] / given.simulated[*i])
+        .filter(|i| given.simulated[**i] > 0.0 && error[**i].is_finite())
+        .map(|i| error[*i] / given.simulated[*i])
         .collect();
     let largest = shares.iter().copied().reduce(f64::max).unwrap_or(f64::NAN);
     (median(shares).unwrap_or(f64::NAN), largest)
@@ -364,11 +391,16 @@ fn chi2(given: &Given<'_>, picked: &[usize], scale: f64) -> Option<Chi2> {
         sum(&|i| residual(i, scale).powi(2) / (variance(i) + more(i))) / free
     });
     let past = |i: usize| (residual(i, scale).abs() - scale.abs() * given.model_error[i]).max(0.0);
+    let past_materials = given.material.map(|half| {
+        let allowed = |i: usize| if half[i].is_finite() { scale.abs() * half[i] } else { 0.0 };
+        sum(&|i| (past(i) - allowed(i)).max(0.0).powi(2) / variance(i)) / free
+    });
     Some(Chi2 {
         samples: n,
         data: sum(&|i| residual(i, scale).powi(2) / variance(i)) / free,
         with_twinkling,
         past_stated: sum(&|i| past(i).powi(2) / variance(i)) / free,
+        past_materials,
         unscaled: sum(&|i| residual(i, 1.0).powi(2) / variance(i)) / n as f64,
     })
 }

@@ -19,7 +19,7 @@ mod ratio;
 
 pub use bins::{Axis, Bin, bins, edges};
 pub use blocks::{BLOCKS, Blocks, student_95};
-pub use channel::{Channel, Chi2, Given, LeftOut, Numbers, Reason};
+pub use channel::{Channel, Chi2, Given, LeftOut, MaterialBudget, Numbers, Reason};
 pub use ratio::{Moment, Ratio};
 
 use hifitime::Epoch;

@@ -10,7 +10,7 @@ use sunglint_formats::{ParseError, Table, nearest_names};
 use sunglint_radiometry::light_curve::published::MagnitudeKind;
 use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{ChannelSamples, Simulation, StandardMagnitude};
+use sunglint_simulator::pass::{ChannelSamples, MaterialDoubt, Simulation, StandardMagnitude};
 
 /// The place of V among the bands.
 const V: usize = 2;
@@ -356,6 +356,31 @@ impl Quantity {
                 let fluxes = self.of(simulation, channels);
                 let fainter = simulation.magnitude_errors.column(V);
                 Array2::from_shape_fn((n, 1), |(i, _)| fluxes[[i, 0]] * (1.0 - flux(fainter[i])))
+            }
+        }
+    }
+
+    /// Half-widths of the 95 % intervals that the values have by the doubt of the materials, samples × channels.
+    pub fn material(
+        self,
+        doubt: &MaterialDoubt,
+        simulation: &Simulation<'_>,
+        channels: &[MeasuredChannel],
+    ) -> Array2<f64> {
+        let n = simulation.places.len();
+        match self {
+            Quantity::Rate => {
+                let own: Vec<Option<usize>> = channels
+                    .iter()
+                    .map(|c| simulation.channels.iter().position(|s| s.name == c.name))
+                    .collect();
+                Array2::from_shape_fn((n, channels.len()), |(i, c)| {
+                    own[c].map_or(f64::NAN, |own| doubt.channels_hz[own][i])
+                })
+            }
+            Quantity::Flux(_) => {
+                let fluxes = self.of(simulation, channels);
+                Array2::from_shape_fn((n, 1), |(i, _)| fluxes[[i, 0]] * doubt.v_relative[i])
             }
         }
     }

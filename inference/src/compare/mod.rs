@@ -53,7 +53,7 @@ use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_simulator::pass::file::MOST_SAMPLES;
 use sunglint_simulator::pass::{Cost, Stopwatch};
-use sunglint_simulator::pass::{ExposureMeans, Pass, Simulation};
+use sunglint_simulator::pass::{ExposureMeans, MaterialDoubt, Pass, Simulation};
 
 /// Stretches of a track in which ratios of channels are taken.
 const STRETCHES: usize = 60;
@@ -80,6 +80,8 @@ pub struct ComparedChannel {
     pub simulated: Vec<f64>,
     /// Stated error of the simulated values.
     pub model_error: Vec<f64>,
+    /// Half-width of the 95 % interval of the simulated values by the doubt of the materials; `None` where no material says how well it is known.
+    pub material: Option<Vec<f64>>,
     /// Which samples count, and what they say.
     pub channel: Channel,
     /// Residuals in bins, along each axis.
@@ -124,6 +126,8 @@ pub struct Comparison<'a> {
     pub pairs: Vec<ComparedChannel>,
     /// Channels over the one that is known best.
     pub ratios: Vec<Ratio>,
+    /// Doubt of the materials at the middles of the exposures; `None` where none says how well it is known.
+    pub material: Option<MaterialDoubt>,
     /// Where the target stood.
     pub course: Course,
     /// Computing effort.
@@ -197,7 +201,8 @@ pub fn compare<'a>(
             stages.tell(at);
         })?;
     let effort = Effort { middles: watch.cost(), means: again.cost() };
-    Comparison::new(measured, simulation, means, scene.rows.clone(), effort)
+    let material = simulation.material_doubt(&|_| {})?;
+    Comparison::new(measured, simulation, (means, material), scene.rows.clone(), effort)
 }
 
 impl<'a> Comparison<'a> {
@@ -205,7 +210,7 @@ impl<'a> Comparison<'a> {
     fn new(
         measured: MeasuredPass,
         simulation: Simulation<'a>,
-        means: ExposureMeans,
+        (means, material): (ExposureMeans, Option<MaterialDoubt>),
         rows: Vec<usize>,
         effort: Effort,
     ) -> Result<Self, CompareError> {
@@ -228,22 +233,26 @@ impl<'a> Comparison<'a> {
             rows.iter().enumerate().for_each(|(k, i)| full[*i] = values(k));
             full
         };
-        let columns: Vec<(Vec<f64>, Vec<f64>)> = (0..measured.channels.len())
+        let doubts = material
+            .as_ref()
+            .map(|doubt| measured.quantity.material(doubt, &simulation, &measured.channels));
+        let columns: Vec<(Vec<f64>, Vec<f64>, Option<Vec<f64>>)> = (0..measured.channels.len())
             .map(|c| {
                 let simulated = all(&|k| means.values[[k, c]]);
-                let error = all(&|k| {
+                let share = |k: usize| {
                     let (mean, middle) = (means.values[[k, c]], middle[[k, c]]);
-                    let share = if mean > 0.0 && middle > 0.0 { mean / middle } else { 1.0 };
-                    errors[[k, c]] * share + means.unsettled[[k, c]]
-                });
-                (simulated, error)
+                    if mean > 0.0 && middle > 0.0 { mean / middle } else { 1.0 }
+                };
+                let error = all(&|k| errors[[k, c]] * share(k) + means.unsettled[[k, c]]);
+                let doubt = doubts.as_ref().map(|d| all(&|k| d[[k, c]] * share(k)));
+                (simulated, error, doubt)
             })
             .collect();
         let given: Vec<Given<'_>> = measured
             .channels
             .iter()
             .zip(&columns)
-            .map(|(channel, (simulated, model_error))| Given {
+            .map(|(channel, (simulated, model_error, material))| Given {
                 name: &channel.name,
                 exposure_s: &exposure_s,
                 measured: &channel.value,
@@ -251,6 +260,7 @@ impl<'a> Comparison<'a> {
                 flags: &channel.flags,
                 simulated,
                 model_error,
+                material: material.as_deref(),
                 simulated_flags: &hidden,
                 within: &within,
                 twinkling: variance.as_deref(),
@@ -283,12 +293,9 @@ impl<'a> Comparison<'a> {
             .zip(columns)
             .zip(channels)
             .zip(bins)
-            .map(|(((measured, (simulated, model_error)), channel), bins)| ComparedChannel {
-                measured,
-                simulated,
-                model_error,
-                channel,
-                bins,
+            .map(|(((measured, column), channel), bins)| {
+                let (simulated, model_error, material) = column;
+                ComparedChannel { measured, simulated, model_error, material, channel, bins }
             })
             .collect();
         Ok(Self {
@@ -299,6 +306,7 @@ impl<'a> Comparison<'a> {
             exposure_s,
             pairs,
             ratios,
+            material,
             course,
             effort,
             warnings,

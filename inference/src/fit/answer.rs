@@ -32,6 +32,8 @@ pub struct PassFit {
     pub fit: Fit,
     /// Value of each parameter in the scene before the fit.
     pub in_the_scene: Vec<f64>,
+    /// Materials whose doubt is in the parameters' uncertainties: those that say how well they are known.
+    pub doubtful_materials: Vec<String>,
     /// Residuals in groups.
     pub groups: ResidualGroups,
     /// The curves.

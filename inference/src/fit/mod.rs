@@ -27,6 +27,7 @@
 mod answer;
 mod error;
 mod found;
+mod materials;
 mod options;
 mod parameters;
 
@@ -297,6 +298,10 @@ fn fit_without(
         true => fitted_scenes(curves, &parameters, &fit, &channels, &model, &mut warnings)?,
         false => Vec::new(),
     };
+    let doubts = materials::doubts(curves, &scenes, &fit, &channels)?;
+    if !doubts.is_empty() {
+        fit.add_materials(&doubts);
+    }
     for scene in scenes.iter().filter(|s| !s.same) {
         warnings.push(format!(
             "{}.fitted.toml does not give the fit again: its light differs by {:.1e} (root mean square, mag or relative; at most 1e-3 is the same)",
@@ -331,6 +336,7 @@ fn fit_without(
         scenes,
         predicted: Vec::new(),
         in_the_scene: parameters.in_the_scene(),
+        doubtful_materials: doubts.into_iter().map(|(material, _)| material).collect(),
         scintillation: options.scintillation,
         bounces,
         seconds: start.elapsed().as_secs_f64(),

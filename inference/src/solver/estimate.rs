@@ -2,6 +2,7 @@
 
 use super::normal::{Quadratic, inverse};
 use super::problem::{Problem, State, Which};
+use super::response::Response;
 use super::{Estimate, FitError, IntervalMethod, ParameterKind, Side, Warning};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -23,6 +24,7 @@ pub(super) struct Known {
     pub estimates: Vec<Estimate>,
     /// Parameters × parameters, the calibration's part in it; NaN rows where a bound holds.
     pub covariance: DMatrix<f64>,
+    pub response: Response,
     pub warnings: Vec<Warning>,
 }
 
@@ -118,6 +120,11 @@ pub(super) fn estimate(
         }
     }
     let of_calibration = calibration(problem, state, &jacobian, &free, &covariance, scale);
+    let response = Response {
+        whitener: problem.whitener.clone(),
+        pull: pull(&jacobian, &free, &covariance, scale, &unit),
+        bounds: (0..n).map(|i| (low[i] * unit(i), high[i] * unit(i))).collect(),
+    };
     let total = &covariance + &of_calibration;
 
     // At the minimum nothing pulls on what is free; what a loss other than the square leaves there is no pull.
@@ -227,6 +234,7 @@ pub(super) fn estimate(
             value: at[i] * size,
             sigma: finite(sigma * size),
             sigma_calibration: finite(calibrated * size),
+            sigma_material: None,
             interval_95: interval.map(finite),
             interval_method: method,
             at_bound: held[i],
@@ -257,7 +265,7 @@ pub(super) fn estimate(
         warnings.push(Warning::ByPrior { names: by_prior });
     }
     let covariance = DMatrix::from_fn(n, n, |i, j| total[(i, j)] * unit(i) * unit(j));
-    Ok(Known { estimates, covariance, warnings })
+    Ok(Known { estimates, covariance, response, warnings })
 }
 
 /// The pseudo-inverse, of a matrix whose columns may differ in scale.
@@ -396,6 +404,30 @@ fn jacobian(
         jacobian.set_column(n_free + p, &state.design.column(p));
     }
     Ok(jacobian)
+}
+
+/// How far each parameter moves for a whitened row that is larger by 1.
+fn pull(
+    jacobian: &DMatrix<f64>,
+    free: &[usize],
+    covariance: &DMatrix<f64>,
+    scale: f64,
+    unit: &dyn Fn(usize) -> f64,
+) -> DMatrix<f64> {
+    let mut pull = DMatrix::from_element(jacobian.ncols(), jacobian.nrows(), f64::NAN);
+    for i in free {
+        if covariance[(*i, *i)].is_nan() {
+            continue;
+        }
+        pull.row_mut(*i).fill(0.0);
+        for j in free.iter().filter(|j| covariance[(*i, **j)].is_finite()) {
+            let part = unit(*i) * covariance[(*i, *j)] / scale;
+            for (row, slope) in jacobian.column(*j).iter().enumerate() {
+                pull[(*i, row)] += part * slope;
+            }
+        }
+    }
+    pull
 }
 
 /// Returns the covariance of the parameters by the calibration's errors: an error ε of ln κ changes the data by ε times the rate, and the parameters by the

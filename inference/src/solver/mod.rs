@@ -31,6 +31,7 @@ mod estimate;
 mod normal;
 mod problem;
 mod residuals;
+mod response;
 mod run;
 mod search;
 pub mod spectrum;
@@ -135,10 +136,12 @@ pub struct Estimate {
     pub kind: ParameterKind,
     /// Value of the parameter.
     pub value: f64,
-    /// Standard uncertainty of the value, the calibration's part in it; `None` where the data do not determine it.
+    /// Standard uncertainty of the value, the calibration's and the materials' parts in it; `None` where the data do not determine it.
     pub sigma: Option<f64>,
     /// The part that the calibration's errors have in it.
     pub sigma_calibration: Option<f64>,
+    /// The part that the doubt of the materials has in it ([`Fit::add_materials`]); `None` where no material says how well it is known.
+    pub sigma_material: Option<f64>,
     /// The ends of its 95 % interval; `None` where it is open.
     pub interval_95: [Option<f64>; 2],
     /// How that was found.
@@ -323,6 +326,9 @@ pub struct Fit {
     /// The curves.
     #[serde(skip)]
     pub curves: Vec<FittedCurve>,
+    /// How the parameters answer to a change of the data.
+    #[serde(skip)]
+    response: response::Response,
 }
 
 impl Fit {

@@ -501,5 +501,6 @@ fn finish(
         evaluations: problem.evaluations,
         warnings,
         curves: (0..data.len()).map(one).collect(),
+        response: known.response,
     })
 }

@@ -206,6 +206,47 @@ fn errors_of_calibration_do_not_average_out_within_a_night() {
     }
 }
 
+/// Truth: by hand. Two materials make 100 and 50 Hz, constant in time, each alone in a channel, and both albedos are free. The first is known to 10 % (one standard deviation): its own albedo is unsure by 10 %, the other's
+/// by nothing, whatever the number of samples. Where only a material of 50 Hz is free it takes up all of 10 Hz: 0.2.
+#[test]
+fn the_doubt_of_a_material_goes_where_least_squares_take_it() {
+    let n = 200;
+    let rate = |c: usize| if c == 0 { 100.0 } else { 50.0 };
+    let ripple = |i: usize| if i % 2 == 0 { 0.5 } else { -0.5 };
+    // Epochs × channels × components.
+    let apart = Array3::from_shape_fn((n, 2, 2), |(_, c, k)| if c == k { rate(k) } else { 0.0 });
+    let doubt = Array2::from_shape_fn((n, 2), |(_, c)| if c == 0 { 10.0 } else { 0.0 });
+    let data = Data::new(
+        "a",
+        Array2::from_shape_fn((n, 2), |(i, c)| rate(c) + ripple(i)),
+        Array2::from_elem((n, 2), 0.5),
+    );
+    let mut model = Fixed { columns: vec![apart], times: None };
+    let both = [linear(0, vec![0, 1]), linear(1, vec![0, 1])];
+    let mut found =
+        fit(std::slice::from_ref(&data), &mut model, &[], &both, &PLAIN, &mut |_| ()).unwrap();
+    let before: Vec<_> = found.parameters.iter().map(|p| p.sigma.unwrap()).collect();
+    assert!(found.parameters.iter().all(|p| p.sigma_material.is_none()));
+    found.add_materials(&[("a".to_owned(), vec![doubt])]);
+    for (k, expected) in [0.1, 0.0].into_iter().enumerate() {
+        let p = &found.parameters[k];
+        let own = p.sigma_material.unwrap();
+        assert!((own - expected).abs() < 1e-9, "{p:?}");
+        assert!((p.sigma.unwrap() - before[k].hypot(expected)).abs() < 1e-12);
+        let half = 1.959_963_984_540_054 * before[k].hypot(expected);
+        assert!((p.interval_95[1].unwrap() - p.value - half).abs() < 1e-9, "{p:?}");
+    }
+    // Light that is not free is unsure by 10 Hz beside a free 50 Hz.
+    let rate = Array2::from_shape_fn((n, 1), |(i, _)| 50.0 + ripple(i));
+    let data = Data::new("b", rate, Array2::from_elem((n, 1), 0.5));
+    let mut model = Fixed { columns: vec![Array3::from_elem((n, 1, 1), 50.0)], times: None };
+    let mut found =
+        fit(&[data], &mut model, &[], &[linear(0, vec![0])], &PLAIN, &mut |_| ()).unwrap();
+    found.add_materials(&[("a".to_owned(), vec![Array2::from_elem((n, 1), 10.0)])]);
+    let own = found.parameters[0].sigma_material.unwrap();
+    assert!((own - 0.2).abs() < 1e-9, "{own}");
+}
+
 #[test]
 fn what_cannot_be_fitted_is_said() {
     let columns = Array3::from_elem((3, 1, 1), 100.0);

@@ -1,12 +1,11 @@
-//! Files of spectra: CSV and JCAMP-DX.
+//! Files of spectra: CSV, JCAMP-DX and Bruker's OPUS.
 
 use super::RawSpectrum;
 use std::path::Path;
+use sunglint_formats::opus::{self, OpusSpectrum, Quantity, Side};
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, jcamp};
 
-/// First bytes of a file of Bruker's OPUS.
-const OPUS: [u8; 4] = [0x0a, 0x0a, 0xfe, 0xfe];
 /// Columns that are an axis: name, factor to nm (of wavenumbers none).
 const AXES: [(&str, Option<f64>); 4] = [
     ("wavelength_nm", Some(1.0)),
@@ -22,22 +21,30 @@ struct Columns {
     line: Vec<u64>,
 }
 
-/// Reads a spectrum: what its content says, JCAMP-DX or CSV.
+/// Reads a spectrum: what its content says, OPUS, JCAMP-DX or CSV. Of several spectra in a file of OPUS that of the sample's light is taken.
 ///
 /// # Errors
-/// A file that cannot be read or is of another kind (OPUS), a turning axis, gaps, no numbers: with file and line.
+/// A file that cannot be read, a turning axis, gaps, no numbers: with file and line; a file of OPUS whose spectra leave a choice.
 pub fn read(path: &Path) -> Result<RawSpectrum, FileError> {
+    read_part(path, None)
+}
+
+/// [`read`], of a file of OPUS the spectrum of that name: `sample`, `reference`, `reflectance`, `transmittance`, `absorbance` or `emission`.
+fn read_part(path: &Path, part: Option<&str>) -> Result<RawSpectrum, FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
-    if bytes.starts_with(&OPUS) {
-        let error = ParseError::new(path, "a file of Bruker OPUS", "CSV or JCAMP-DX");
-        let hint = "OPUS exports both: Save File As, Mode, Data point table or JCAMP-DX";
-        return Err(FileError::from(error.with_hint(hint)));
-    }
-    let (path, text) = (path, sunglint_formats::read::decode(path, bytes)?);
-    let columns = if text.trim_start().starts_with("##") {
-        of_jcamp(path, &text)?
+    let columns = if opus::is_opus(&bytes) {
+        of_opus(path, &bytes, part)?
     } else {
-        of_csv(path, &text)?
+        if let Some(part) = part {
+            let error = ParseError::new(path, format!("`#{part}`"), "a file of Bruker OPUS");
+            return Err(FileError::from(error.with_hint("other files hold one spectrum")));
+        }
+        let text = sunglint_formats::read::decode(path, bytes)?;
+        if text.trim_start().starts_with("##") {
+            of_jcamp(path, &text)?
+        } else {
+            of_csv(path, &text)?
+        }
     };
     let axis: Vec<f64> = columns.x.iter().map(|x| x * columns.factor.unwrap_or(1.0)).collect();
     Ok(RawSpectrum::new(&axis, &columns.y, columns.factor.is_none()).map_err(|error| {
@@ -47,6 +54,43 @@ pub fn read(path: &Path) -> Result<RawSpectrum, FileError> {
         }
         wrong
     })?)
+}
+
+/// Names of the spectra of a file of OPUS, as a key has them after `#`.
+const PARTS: [(&str, Quantity, Option<Side>); 6] = [
+    ("sample", Quantity::Single, Some(Side::Sample)),
+    ("reference", Quantity::Single, Some(Side::Reference)),
+    ("reflectance", Quantity::Reflectance, None),
+    ("transmittance", Quantity::Transmittance, None),
+    ("absorbance", Quantity::Absorbance, None),
+    ("emission", Quantity::Emission, None),
+];
+
+fn of_opus(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Columns, ParseError> {
+    let file = opus::from_bytes(path, bytes)?;
+    let named = |name: &str| {
+        let (_, quantity, side) = PARTS.iter().find(|(known, ..)| *known == name)?;
+        let is = |s: &&OpusSpectrum| s.quantity == *quantity && side.is_none_or(|d| s.side == d);
+        file.spectra.iter().find(is)
+    };
+    let found = match (part, file.spectra.as_slice()) {
+        (Some(part), _) => named(part),
+        (None, [one]) => Some(one),
+        (None, _) => named("sample"),
+    };
+    let Some(found) = found else {
+        let there: Vec<String> = file.spectra.iter().map(OpusSpectrum::name).collect();
+        let names: Vec<&str> =
+            PARTS.iter().map(|(name, ..)| *name).filter(|name| named(name).is_some()).collect();
+        let error = ParseError::new(path, there.join(", "), "one spectrum, or which of them");
+        let hint = format!("say which: \"{}#{}\"", path.display(), names.join("\", \"#"));
+        return Err(error.with_hint(hint));
+    };
+    let factor = match found.axis {
+        opus::Axis::WavenumberPerCm => None,
+        opus::Axis::WavelengthUm => Some(1e3),
+    };
+    Ok(Columns { factor, x: found.x(), y: found.y(), line: Vec::new() })
 }
 
 fn of_jcamp(path: &Path, text: &str) -> Result<Columns, ParseError> {
@@ -116,7 +160,13 @@ pub(super) fn named(
     key: &str,
     name: &str,
 ) -> Result<RawSpectrum, NamedSpectrumError> {
-    read(&document.resolve(name)).map_err(|source| NamedSpectrumError {
+    // `a.0#sample` is a spectrum of a file.
+    let is_part = |part: &str| PARTS.iter().any(|(known, ..)| *known == part);
+    let (file, part) = match name.rsplit_once('#').filter(|(_, part)| is_part(part)) {
+        Some((file, part)) => (file, Some(part)),
+        None => (name, None),
+    };
+    read_part(&document.resolve(file), part).map_err(|source| NamedSpectrumError {
         file: document.path().display().to_string(),
         key: key.to_owned(),
         source: Box::new(source),

@@ -198,7 +198,22 @@ fn fitted(truth: &Truth, noise: f64, rng: &mut Xoshiro256PlusPlus) -> SurfaceFit
     fit_surface(&samples, &options, &Silent).unwrap()
 }
 
+/// A surface of a kind that goes with the seed. Its diffuse part is darkened where the sum would reflect more than 0.85 at the normal at some wavelength: there is no such surface at 60°.
 fn made_up(seed: u64, rng: &mut Xoshiro256PlusPlus) -> Truth {
+    let mut truth = drawn(seed, rng);
+    let most = |of: &dyn Fn(f64) -> f64| {
+        (0..=120).map(|k| of(400.0 + 5.0 * f64::from(k))).fold(0.0, f64::max)
+    };
+    let room = 0.85 - most(&|nm| truth.f0 * (truth.of_f)(nm));
+    let brightest = truth.rho * most(&|nm| (truth.of_rho)(nm));
+    // Metals have no diffuse part.
+    if brightest > room && brightest > 0.0 {
+        truth.rho *= room.max(0.1) / brightest;
+    }
+    truth
+}
+
+fn drawn(seed: u64, rng: &mut Xoshiro256PlusPlus) -> Truth {
     let mut from = |a: f64, b: f64| a * (b / a).powf(rng.random::<f64>());
     let (alpha, rho) = (from(0.1, 0.35), from(0.05, 0.5));
     let of_rho = [red as fn(f64) -> f64, blue, flat][(seed / 4 % 3) as usize];

@@ -10,3 +10,4 @@ mod fit;
 mod gallery;
 mod ingest;
 mod surface;
+mod tables;

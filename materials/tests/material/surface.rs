@@ -398,11 +398,12 @@ fn fred_and_zemax_say_the_same() {
         let text = std::fs::read_to_string(path).unwrap();
         let file = zemax::read_str(path, &text).unwrap();
         assert_eq!(zemax::read_str("x", &zemax::to_string(&file)).unwrap(), file);
-        let samples = exchange::read_str(path, &text, Exchange::Zemax, Some(650.0)).unwrap();
+        let samples =
+            exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(650.0)).unwrap();
         let written = exchange::to_zemax(&samples, 0).unwrap();
-        let again = exchange::read_str(
+        let again = exchange::read_bytes(
             Path::new("x"),
-            &zemax::to_string(&written),
+            zemax::to_string(&written).as_bytes(),
             Exchange::Zemax,
             Some(650.0),
         )
@@ -426,9 +427,9 @@ fn fred_and_zemax_say_the_same() {
 #[test]
 fn astm_tables_are_recognised() {
     let text = "NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,532nm,650nm\n0.5,0,0.5,3.141592653589793,12.5,10\n0.5,0,0.25,0,0.1,0.2\n";
-    assert_eq!(Exchange::of(text), Some(Exchange::Astm));
+    assert_eq!(Exchange::of(text.as_bytes()), Some(Exchange::Astm));
     let path = Path::new("made.astm");
-    let read = |nm| exchange::read_str(path, text, Exchange::Astm, nm);
+    let read = |nm| exchange::read_bytes(path, text.as_bytes(), Exchange::Astm, nm);
     let samples = read(Some(650.0)).unwrap();
     let row = &samples.rows[0];
     assert_eq!((samples.wavelength_nm[0], row.brdf_per_sr[0]), (650.0, 10.0));

@@ -64,7 +64,8 @@ pub fn table_product(
 /// The text of values that another program wrote.
 pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
     let nm: Vec<String> = samples.wavelength_nm.iter().map(ToString::to_string).collect();
-    let angles: Vec<String> = incidences(samples).iter().map(|v| format!("{v}°")).collect();
+    let angles: Vec<String> =
+        incidences(samples).iter().map(|v| format!("{}°", (v * 1e3).round() / 1e3)).collect();
     let mut text = format!(
         "{}: {} directions at {} nm, light from {}\n",
         format.map_or("a table", Exchange::name),
@@ -75,7 +76,7 @@ pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
     if let Some(missing) = samples.meta.get("without_value") {
         let _ = writeln!(
             text,
-            "{missing} directions above the horizon hold 0 and are left out: no value"
+            "{missing} directions above the horizon have no value (0 or negative) and are left out"
         );
     }
     text

@@ -123,7 +123,7 @@ pub fn text(compared: &Comparison<'_>) -> String {
 fn say_channels(compared: &Comparison<'_>, text: &mut String) {
     let _ = writeln!(
         text,
-        "  {:<10} {:>7}  {:<22} {:>9} {:>9} {:>9} {:>10} {:>11} {:>11}",
+        "  {:<10} {:>7}  {:<22} {:>9} {:>9} {:>9} {:>10} {:>11} {:>11}{}",
         "channel",
         "samples",
         "measured/simulated",
@@ -132,7 +132,8 @@ fn say_channels(compared: &Comparison<'_>, text: &mut String) {
         "noise",
         "red. chi2",
         "w. twinkl.",
-        "past stated"
+        "past stated",
+        if compared.material.is_some() { " and material" } else { "" }
     );
     for pair in &compared.pairs {
         let Some(n) = &pair.channel.numbers else {
@@ -144,7 +145,7 @@ fn say_channels(compared: &Comparison<'_>, text: &mut String) {
         };
         let _ = writeln!(
             text,
-            "  {:<10} {:>7}  {:<22} {:>9.4} {:>9} {:>9} {:>10} {:>11} {:>11}",
+            "  {:<10} {:>7}  {:<22} {:>9.4} {:>9} {:>9} {:>10} {:>11} {:>11}{}",
             pair.channel.name,
             n.samples,
             with_error(n.scale, n.scale_total()),
@@ -154,6 +155,7 @@ fn say_channels(compared: &Comparison<'_>, text: &mut String) {
             chi2(&|c| Some(c.data)),
             chi2(&|c| c.with_twinkling),
             chi2(&|c| Some(c.past_stated)),
+            n.chi2.and_then(|c| c.past_materials).map_or(String::new(), |v| format!(" {v:>12.2}")),
         );
         if let Some([mean, rms, about]) = n.magnitudes.filter(|_| !compared.is_rate()) {
             let _ = writeln!(
@@ -186,6 +188,24 @@ fn say_budget(compared: &Comparison<'_>, text: &mut String) {
             percent(n.stated.0),
             percent(n.stated.1),
         );
+    }
+    if let Some(doubt) = &compared.material {
+        let _ = writeln!(
+            text,
+            "  doubt of materials (95 %, of {}): median / largest; of the scale, if all is off alike",
+            doubt.names()
+        );
+        for pair in &compared.pairs {
+            let Some(m) = pair.channel.numbers.as_ref().and_then(|n| n.material) else { continue };
+            let _ = writeln!(
+                text,
+                "  {:<17} {:>12} / {}; ± {}",
+                pair.channel.name,
+                percent(m.median),
+                percent(m.largest),
+                percent(m.of_scale)
+            );
+        }
     }
     text.push('\n');
 }
@@ -240,7 +260,9 @@ pub fn table(compared: &Comparison<'_>) -> Table {
         Quantity::Flux(_) => ("mag", "mag"),
     };
     let mut flags = Vec::new();
-    for ComparedChannel { measured, simulated, model_error, channel, .. } in &compared.pairs {
+    for ComparedChannel { measured, simulated, model_error, material, channel, .. } in
+        &compared.pairs
+    {
         let name = &measured.name;
         number(
             format!("{name}_measured_{end}"),
@@ -266,6 +288,14 @@ pub fn table(compared: &Comparison<'_>) -> Table {
             "its stated error, a bound",
             relative(model_error, simulated),
         );
+        if let Some(material) = material {
+            number(
+                format!("{name}_material_{end}"),
+                Some(unit),
+                "half-width of its 95 % interval by the doubt of the materials",
+                relative(material, simulated),
+            );
+        }
         flags.push((name.clone(), &measured.flags, &channel.used));
     }
     for (name, unit, values) in [
@@ -317,6 +347,7 @@ pub fn json(compared: &Comparison<'_>) -> Value {
         "exposures": { "cut": compared.means.pieces.iter().filter(|p| **p > 1).count(), "coarse": compared.means.coarse,
             "largest_change": rounded(compared.means.largest_change), "moments": compared.means.moments },
         "tolerance": pass.tolerance,
+        "doubtful_materials": compared.material.as_ref().map(|d| d.each.iter().map(|m| &m.material).collect::<Vec<_>>()),
         "needs": explain::json(&compared.simulation.needs),
         "not_modelled": not_modelled(compared),
         "cost": { "total_s": rounded(compared.effort.middles.total_s + compared.effort.means.total_s),
@@ -350,10 +381,12 @@ fn json_numbers(n: &Numbers) -> Value {
         "median": number(Some(n.median)), "scatter": number(Some(n.scatter)), "rms": number(Some(n.rms)),
         "noise": number(n.noise), "twinkling": number(n.twinkling),
         "stated_error": { "median_relative": number(Some(n.stated.0)), "largest_relative": number(Some(n.stated.1)) },
+        "material": n.material.map(|m| json!({ "median_relative": number(Some(m.median)),
+            "largest_relative": number(Some(m.largest)), "of_scale": number(Some(m.of_scale)) })),
         "mean_mag": n.magnitudes.map(|m| rounded(m[0])), "rms_mag": n.magnitudes.map(|m| rounded(m[1])),
         "scatter_mag": n.magnitudes.map(|m| rounded(m[2])),
         "chi2": n.chi2.map(|c| json!({ "data": rounded(c.data), "with_twinkling": number(c.with_twinkling),
-            "past_stated": rounded(c.past_stated), "unscaled": rounded(c.unscaled) })),
+            "past_stated": rounded(c.past_stated), "past_materials": number(c.past_materials), "unscaled": rounded(c.unscaled) })),
     })
 }
 

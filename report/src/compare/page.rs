@@ -105,6 +105,12 @@ fn verdict(compared: &Comparison<'_>) -> String {
             span(stated, percent)
         ));
     }
+    if let Some(material) = of(&|n| n.material.map(|m| m.median).filter(|v| v.is_finite())) {
+        text.push_str(&format!(
+            "The doubt of its materials may change the light by {} (median, 95 %). ",
+            span(material, percent)
+        ));
+    }
     text.trim_end().to_owned()
 }
 
@@ -364,11 +370,12 @@ fn agreement(compared: &Comparison<'_>) -> Section {
             chi2(&|c| Some(c.data)),
             chi2(&|c| c.with_twinkling),
             chi2(&|c| Some(c.past_stated)),
+            chi2(&|c| c.past_materials),
             chi2(&|c| Some(c.unscaled)),
         ]
     };
     let mut text = vec![
-        "Median and scatter (half of the central 68 %) of measured over simulated, each sample with the weight of its simulated light; the root mean square of all residuals over that of the light; reduced χ² about the scaled simulation by the data's σ, with twinkling added by Young's law (good to a factor of two or so), of what is left past the simulation's stated error, and without the scale.".to_owned(),
+        "Median and scatter (half of the central 68 %) of measured over simulated, each sample with the weight of its simulated light; the root mean square of all residuals over that of the light; reduced χ² about the scaled simulation by the data's σ, with twinkling added by Young's law (good to a factor of two or so), of what is left past the simulation's stated error, past that and the doubt of the materials (of which the scale has taken a part: it is the least that both allow), and without the scale.".to_owned(),
     ];
     for (pair, n) in numbers(compared) {
         if let Some([mean, rms, about]) = n.magnitudes.filter(|_| !compared.is_rate()) {
@@ -391,6 +398,7 @@ fn agreement(compared: &Comparison<'_>) -> Section {
                 "χ², data",
                 "with twinkling",
                 "past stated",
+                "and materials",
                 "unscaled",
             ]),
             rows: numbers(compared).map(row).collect(),

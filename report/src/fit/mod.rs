@@ -86,6 +86,19 @@ pub fn text(answer: &PassFit) -> String {
     for p in &fit.parameters {
         let _ = writeln!(text, "{}", row(p, width));
     }
+    if !answer.doubtful_materials.is_empty() {
+        let parts: Vec<String> = fit
+            .parameters
+            .iter()
+            .filter_map(|p| Some(format!("{} {}", p.name, number(p.sigma_material?))))
+            .collect();
+        let _ = writeln!(
+            text,
+            "in sigma and intervals is the doubt of {}, all directions of a material off alike: {}",
+            answer.doubtful_materials.join(", "),
+            parts.join(", ")
+        );
+    }
     for (title, groups) in [
         ("channel", &answer.groups.by_channel),
         ("phase angle", &answer.groups.by_phase),
@@ -308,6 +321,7 @@ fn table(answer: &PassFit, curve: &CurveFit) -> Table {
         "scene": answer.scene_file.display().to_string(), "measured": curve.path.display().to_string(),
         "converged": answer.fit.converged, "reduced_chi2": answer.fit.reduced_chi2, "parameters": parameters,
         "in_the_scene": answer.in_the_scene,
+        "doubtful_materials": answer.doubtful_materials,
     }));
     table
 }

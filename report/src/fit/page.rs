@@ -237,6 +237,7 @@ fn found(answer: &PassFit) -> Section {
             number(p.value),
             or_dash(p.sigma),
             or_dash(p.sigma_calibration.filter(|s| *s > 0.0)),
+            or_dash(p.sigma_material.filter(|s| *s > 0.0)),
             or_dash(p.interval_95[0]),
             or_dash(p.interval_95[1]),
         ]
@@ -250,7 +251,7 @@ fn found(answer: &PassFit) -> Section {
     Section {
         title: "What was free, and what was found".into(),
         text: vec![format!(
-            "Intervals of 95 % by {widened}. The part of κ is the calibration's error, the same in all samples of a night: it does not average out. What stands under “in the scene” is what the scene's file said before. Light between the parts, where there is any, is held at what was found: the intervals do not know how it follows the albedos."
+            "Intervals of 95 % by {widened}. The part of κ is the calibration's error, the same in all samples of a night: it does not average out. The part of materials is the doubt of measured and fitted ones, all directions of one off alike. What stands under “in the scene” is what the scene's file said before. Light between the parts, where there is any, is held at what was found: the intervals do not know how it follows the albedos."
         )],
         grid: Grid {
             head: heads(&[
@@ -260,6 +261,7 @@ fn found(answer: &PassFit) -> Section {
                 "value",
                 "σ",
                 "of it κ",
+                "of it materials",
                 "from",
                 "to",
             ]),

@@ -332,7 +332,7 @@ impl SimulationReport<'_> {
             let _ = writeln!(
                 text,
                 "material: the doubt of {} changes a rate by {} in the median, {} at most (95 %; beside the stated error)",
-                doubt.materials.join(", "),
+                doubt.names(),
                 percent(over.median),
                 percent(over.largest)
             );

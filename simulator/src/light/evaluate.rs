@@ -397,7 +397,7 @@ impl<'a> Evaluator<'a> {
                 };
                 let mut task = near::Task {
                     weigh: &mut weigh,
-                    tolerance: self.near.tolerance,
+                    tolerance: self.near.tolerance.max(material.grain()),
                     longest_m: f64::INFINITY,
                     at,
                     range_squared: q.length_squared(),

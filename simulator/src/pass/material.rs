@@ -6,18 +6,36 @@ use crate::surface::Material;
 use sunglint_numerics::order::median;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
+/// Half-widths of the 95 % intervals that a body's light has by the doubt of one material, all directions off alike.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OneMaterial {
+    /// Name of the material.
+    pub material: String,
+    /// By channel of the station and sample, Hz; NaN where the rate is.
+    pub channels_hz: Vec<Vec<f64>>,
+    /// By sample, relative to the body's light in V; 0 where this material sends none, NaN where the body sends none.
+    pub v_relative: Vec<f64>,
+}
+
 /// Half-widths of the 95 % intervals that a body's light has by the doubt of its materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialDoubt {
-    /// Names of the materials that say how well they are known; there is at least one.
-    pub materials: Vec<String>,
+    /// Material by material, those that say how well they are known; there is at least one.
+    pub each: Vec<OneMaterial>,
     /// By channel of the station and sample, Hz; NaN where the rate is.
     pub channels_hz: Vec<Vec<f64>>,
+    /// By sample, relative to the light in V; NaN where there is none.
+    pub v_relative: Vec<f64>,
     /// By sample: the same in the worst channel, relative to the rate; in V where the station has no channel. NaN without light or below the horizon.
     pub relative: Vec<f64>,
 }
 
 impl MaterialDoubt {
+    /// Returns the names of the materials, with commas.
+    pub fn names(&self) -> String {
+        self.each.iter().map(|one| one.material.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
     /// Median and largest of the relative half-widths over the samples with light.
     pub fn over_the_pass(&self) -> Option<StatedError> {
         let all = || self.relative.iter().copied().filter(|r| r.is_finite());
@@ -58,9 +76,7 @@ impl Simulation<'_> {
             return Ok(None);
         }
         let samples = self.places.len();
-        let mut squares = vec![vec![0.0; samples]; self.channels.len()];
-        let mut square_of_v = vec![0.0; samples];
-        let mut materials = Vec::new();
+        let mut each = Vec::new();
         for (k, doubted) in known {
             let mut alone: Pass = self.pass.clone();
             for (other, material) in alone.target.materials.iter_mut().enumerate() {
@@ -70,28 +86,35 @@ impl Simulation<'_> {
             // An error of an error.
             alone.tolerance = alone.tolerance.max(1e-2);
             let made = alone.simulate(progress)?;
-            for (sum, channel) in squares.iter_mut().zip(&made.channels) {
-                for (sum, hz) in sum.iter_mut().zip(&channel.rate_hz) {
-                    *sum += hz * hz;
+            let share = |row: usize| {
+                if !self.magnitudes[[row, V]].is_finite() {
+                    return f64::NAN;
                 }
-            }
-            for (row, sum) in square_of_v.iter_mut().enumerate() {
                 let fainter = made.magnitudes[[row, V]] - self.magnitudes[[row, V]];
                 let share = 10_f64.powf(-0.4 * fainter);
                 // Without light of this material there is no magnitude.
-                *sum += if share.is_nan() { 0.0 } else { share * share };
-            }
-            materials.push(doubted.name);
+                if share.is_nan() { 0.0 } else { share }
+            };
+            each.push(OneMaterial {
+                material: doubted.name,
+                v_relative: (0..samples).map(share).collect(),
+                channels_hz: made.channels.into_iter().map(|c| c.rate_hz).collect(),
+            });
         }
-        let channels_hz: Vec<Vec<f64>> =
-            squares.iter().map(|all| all.iter().map(|s| s.sqrt()).collect()).collect();
+        let root = |of: &dyn Fn(&OneMaterial) -> f64| {
+            each.iter().map(|one| of(one).powi(2)).sum::<f64>().sqrt()
+        };
+        let channels_hz: Vec<Vec<f64>> = (0..self.channels.len())
+            .map(|c| (0..samples).map(|row| root(&|one| one.channels_hz[c][row])).collect())
+            .collect();
+        let v_relative: Vec<f64> =
+            (0..samples).map(|row| root(&|one| one.v_relative[row])).collect();
         let relative = (0..samples).map(|row| {
             if self.places[row].hidden {
                 return f64::NAN;
             }
             if self.channels.is_empty() {
-                let lit = self.magnitudes[[row, V]].is_finite();
-                return if lit { square_of_v[row].sqrt() } else { f64::NAN };
+                return v_relative[row];
             }
             let of = |(c, hz): (&super::ChannelSamples, &Vec<f64>)| {
                 (c.rate_hz[row] > 0.0).then(|| hz[row] / c.rate_hz[row])
@@ -99,6 +122,6 @@ impl Simulation<'_> {
             self.channels.iter().zip(&channels_hz).filter_map(of).fold(f64::NAN, f64::max)
         });
         let relative = relative.collect();
-        Ok(Some(MaterialDoubt { materials, channels_hz, relative }))
+        Ok(Some(MaterialDoubt { each, channels_hz, v_relative, relative }))
     }
 }

@@ -56,7 +56,7 @@ pub use error::PassError;
 pub use explain::Explanation;
 pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
-pub use material::MaterialDoubt;
+pub use material::{MaterialDoubt, OneMaterial};
 pub use observation::Observation;
 pub(crate) use promise::light_name;
 pub use promise::{Limit, Promise};

@@ -49,6 +49,10 @@ impl Scatter for Doubted {
     fn effort(&self) -> Effort {
         ROUGH
     }
+
+    fn grain(&self) -> f64 {
+        ROUGH.tolerance
+    }
 }
 
 impl Material {

@@ -70,6 +70,41 @@ pub fn material(
     Ok(made)
 }
 
+/// Directions below this height have no values in a file that one could divide by it.
+const LEAST_HEIGHT: f64 = 5e-3;
+
+/// The wavelengths of a file \[nm\], and its values at the directions of its own nodes, where light and outgoing direction are above the horizon. `path` names the file in errors.
+///
+/// # Errors
+/// The errors of [`material`].
+pub fn nodes(
+    path: impl AsRef<Path>,
+    file: &TensorFile,
+) -> Result<(Vec<f64>, Vec<super::brdf_table::Row>), ParseError> {
+    let path = path.as_ref();
+    // Of all that a material is refused for.
+    material("nodes", path, file)?;
+    let (tensor, wavelengths) = Fields { path, file }.tensor()?;
+    let mut rows = Vec::new();
+    for (i, o, brdf_per_sr) in tensor.nodes() {
+        if i.z < LEAST_HEIGHT || o.z < LEAST_HEIGHT {
+            continue;
+        }
+        let angles = |d: glam::DVec3| {
+            (super::tensor::elevation(d).to_degrees(), d.y.atan2(d.x).to_degrees())
+        };
+        let ((theta_i_deg, phi_i_deg), (theta_o_deg, phi_o_deg)) = (angles(i), angles(o));
+        rows.push(super::brdf_table::Row {
+            theta_i_deg,
+            phi_i_deg,
+            theta_o_deg,
+            phi_o_deg,
+            brdf_per_sr,
+        });
+    }
+    Ok((wavelengths, rows))
+}
+
 /// Spectra that are 1 at one wavelength and 0 at all others.
 pub(super) fn hats(nm: &[f64]) -> Result<Vec<Spectrum<Reflectance>>, MaterialError> {
     let last = nm.len() - 1;

@@ -49,6 +49,10 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     fn effort(&self) -> Effort {
         Effort { tolerance: 1e-5, most: 60_000 }
     }
+    /// The relative error at which an average over nearby directions is good enough. Between measured values there are kinks, which no refinement resolves.
+    fn grain(&self) -> f64 {
+        0.0
+    }
     /// Whether there are geometries without data: the last spectrum is then [`super::uncovered`].
     fn has_gaps(&self) -> bool {
         false
@@ -167,7 +171,8 @@ impl Material {
     ) -> Result<Vec<f64>, MaterialError> {
         let (sum, error) = self.numerical_albedo(i, law.effort());
         let size = sum.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-        if error > REFUSED * size {
+        // Of a doubt the first digit is enough.
+        if error > REFUSED.max(10.0 * law.grain()) * size {
             return Err(MaterialError::Albedo {
                 theta_deg: i.z.acos().to_degrees(),
                 error: error / size,

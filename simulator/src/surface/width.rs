@@ -31,6 +31,14 @@ impl Material {
         }
     }
 
+    /// The relative error at which an average of it is good enough: 0 of a formula.
+    pub(crate) fn grain(&self) -> f64 {
+        match &self.model {
+            Model::Law(law) => law.grain(),
+            _ => 0.0,
+        }
+    }
+
     pub(crate) fn width(&self) -> Width<'_> {
         match &self.model {
             Model::Lambert => Width::Even,

@@ -79,6 +79,8 @@ impl Averager {
             let sun = disc.direction(place);
             material.add_weights(sun, to, sun.z / disc.cosine(place), out);
         };
+        // Between measured values there are kinks, which no panel resolves.
+        let tolerance = tolerance.max(material.grain());
         let limits = (tolerance, FLOOR * tolerance);
         if let Width::Other(width) = material.width() {
             let wide = width > disc.sine && cuts.is_empty();

@@ -407,7 +407,7 @@ impl Evaluator<'_> {
         };
         let mut task = near::Task {
             weigh: &mut weigh,
-            tolerance: tolerance.max(near::TOLERANCE),
+            tolerance: tolerance.max(near::TOLERANCE).max(material.grain()),
             longest_m: 0.5 * disc.sine.max(width) * rel.length(),
             at,
             range_squared: eye.length_squared(),

@@ -1,6 +1,8 @@
-//! Tables as other programs and laboratories write them: FRED, Zemax, ASTM E1392 and E2387, and the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them.
+//! Tables as other programs and laboratories write them: FRED, Zemax, ASTM E1392 and E2387, the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them, and the MERL, UTIA and RGL databases' files.
 //!
 //! Which it is follows from the content, never from the ending: Zemax's `.bsdf` is text, ours and Mitsuba's is a tensor file.
+
+mod database;
 
 use super::Row;
 use glam::DVec3;
@@ -10,6 +12,7 @@ use sunglint_formats::ParseError;
 use sunglint_formats::astm::{self, AstmScatter};
 use sunglint_formats::fred::{self, FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::{self, ZemaxBsdf};
+use sunglint_formats::{merl, utia};
 
 /// A format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -24,13 +27,21 @@ pub enum Exchange {
     Astm,
     /// Columns `phi_i theta_i phi_o theta_o brdf`, where phi is the angle from the normal.
     Columns,
+    /// A file of the MERL database.
+    Merl,
+    /// A file of the UTIA database.
+    Utia,
+    /// A tensor file of the RGL database, which Mitsuba 3 reads and writes.
+    Rgl,
 }
 
-/// Values of a file in one of these formats, at one wavelength.
+/// Values of a file in one of these formats.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForeignRows {
-    /// Vacuum wavelength, nm.
-    pub wavelength_nm: f64,
+    /// Vacuum wavelengths, nm, increasing.
+    pub wavelength_nm: Vec<f64>,
+    /// True where the file has colours, not wavelengths: these are the dominant wavelengths of sRGB's primaries.
+    pub colours: bool,
     /// In the order of the file; azimuths are this program's: the mirrored light is at the light's + 180°.
     pub rows: Vec<Row>,
     /// Directions above the horizon that hold no value.
@@ -38,8 +49,16 @@ pub struct ForeignRows {
 }
 
 impl Exchange {
-    /// The format of a text, if it is one of these.
-    pub fn of(text: &str) -> Option<Self> {
+    /// The format of a file by its content, if it is one of these.
+    pub fn of(content: &[u8]) -> Option<Self> {
+        if content.starts_with(b"tensor_file\0") {
+            return Some(Self::Rgl);
+        } else if merl::is_merl(content) {
+            return Some(Self::Merl);
+        } else if utia::is_utia(content) {
+            return Some(Self::Utia);
+        }
+        let text = std::str::from_utf8(content).ok()?;
         if fred::is_fred(text) {
             Some(Self::Fred)
         } else if zemax::is_zemax(text) {
@@ -60,44 +79,60 @@ impl Exchange {
             Self::Zemax => "Zemax",
             Self::Astm => "ASTM",
             Self::Columns => "columns phi_i theta_i phi_o theta_o brdf",
+            Self::Merl => "MERL",
+            Self::Utia => "UTIA",
+            Self::Rgl => "RGL",
         }
     }
 
-    /// Reads a text in this format. `wavelength_nm` is that of a file that does not say it.
+    /// Reads a file in this format. `wavelength_nm` is that of a file that does not say it, or which of several.
     ///
     /// # Errors
-    /// The errors of the format's reader; light that was transmitted; a wavelength that neither file nor caller gives; no value.
+    /// The errors of the format's reader; light that was transmitted; a wavelength that neither file nor caller gives, or that the file lacks; no value.
     pub fn read(
         self,
         path: &Path,
-        text: &str,
+        content: &[u8],
         wavelength_nm: Option<f64>,
     ) -> Result<ForeignRows, ParseError> {
+        if let Some(nm) = wavelength_nm.filter(|nm| !(nm.is_finite() && *nm > 1.0)) {
+            return Err(ParseError::new(path, format!("{nm} nm"), "a wavelength in nm"));
+        }
+        let text = || {
+            let text = std::str::from_utf8(content);
+            text.map_err(|_| ParseError::new(path, "bytes that are no text", "text in UTF-8"))
+        };
         let (rows, of_file, missing) = match self {
-            Self::Fred => (from_fred(&fred::read_str(path, text)?), None, 0),
+            Self::Fred => (from_fred(&fred::read_str(path, text()?)?), None, 0),
             Self::Zemax => {
-                let (rows, missing) = from_zemax(path, &zemax::read_str(path, text)?)?;
+                let (rows, missing) = from_zemax(path, &zemax::read_str(path, text()?)?)?;
                 (rows, None, missing)
             }
             Self::Astm => {
-                let (rows, nm) = from_astm(path, &astm::read_str(path, text)?, wavelength_nm)?;
+                let (rows, nm) = from_astm(path, &astm::read_str(path, text()?)?, wavelength_nm)?;
                 (rows, nm, 0)
             }
-            Self::Columns => (from_columns(path, text)?, said_wavelength(text), 0),
+            Self::Columns => (from_columns(path, text()?)?, said_wavelength(text()?), 0),
+            Self::Merl | Self::Utia | Self::Rgl => {
+                let found = database::read(self, path, content)?;
+                return some(path, database::picked(path, found, wavelength_nm)?);
+            }
         };
         let Some(nm) = wavelength_nm.or(of_file) else {
             let error = ParseError::new(path, "no wavelength", "the wavelength of its values");
             let hint = "say it: --wavelength-nm 650, or wavelength_nm = 650 in a scene";
             return Err(error.with_hint(hint));
         };
-        if !(nm.is_finite() && nm > 1.0) {
-            return Err(ParseError::new(path, format!("{nm} nm"), "a wavelength in nm"));
-        }
-        if rows.is_empty() {
-            return Err(ParseError::new(path, "no value", "measured values"));
-        }
-        Ok(ForeignRows { wavelength_nm: nm, rows, missing })
+        some(path, ForeignRows { wavelength_nm: vec![nm], colours: false, rows, missing })
     }
+}
+
+/// Refuses what holds no value.
+fn some(path: &Path, found: ForeignRows) -> Result<ForeignRows, ParseError> {
+    if found.rows.is_empty() {
+        return Err(ParseError::new(path, "no value", "measured values"));
+    }
+    Ok(found)
 }
 
 fn row(theta_i_deg: f64, phi_i_deg: f64, theta_o_deg: f64, phi_o_deg: f64, f: f64) -> Row {

@@ -25,7 +25,7 @@ use super::scatter::{Effort, Scatter};
 use super::{Distribution, Lobe, Masking, Material, MaterialError, uncovered};
 use doubt::Doubts;
 use glam::DVec3;
-use slice::{Slice, Stencil};
+use slice::{Sink, Slice, Stencil, Sum};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
@@ -110,6 +110,55 @@ struct Around {
     covered: bool,
     /// How far it is from a measured incidence, radians: 0 at one.
     distance: f64,
+}
+
+/// A way through the table: how far its incidence is from measured ones, radians, and whether it lies between rows.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    distance: f64,
+    covered: bool,
+}
+
+impl Way {
+    /// Adds a slice with its share, by how far it was gone beyond its rows.
+    fn add(&mut self, share: f64, beyond: f64) {
+        self.covered &= beyond < 1e-6;
+        self.distance += share * beyond;
+    }
+}
+
+/// Measured elevations around one, and the part of the way between them.
+struct Between {
+    low: usize,
+    high: usize,
+    part: f64,
+    way: Way,
+}
+
+/// Shares of the way from the light and of that from the detector.
+fn shares(there: Way, back: Way) -> [f64; 2] {
+    let weight = |distance: f64| 1.0 / (MEASURED_RAD * MEASURED_RAD + distance * distance);
+    let (a, b) = (weight(there.distance), weight(back.distance));
+    // What was not measured says nothing against what was.
+    let (a, b) = match [there.covered, back.covered] {
+        [true, false] => (a, 1e-3 * b),
+        [false, true] => (1e-3 * a, b),
+        _ => (a, b),
+    };
+    [a / (a + b), b / (a + b)]
+}
+
+/// Tilt of the bisector and half the angle between light and detector, radians, and whether they lie in one plane with the normal.
+fn bisected(i: DVec3, o: DVec3) -> Option<(f64, f64, bool)> {
+    let h = i + o;
+    let (length, apart) = (h.length(), (i - o).length());
+    if length < 1e-9 {
+        return None;
+    }
+    let tilt = (h.x * h.x + h.y * h.y).sqrt().atan2(h.z);
+    let half = apart.atan2(length);
+    let across = i.x * o.y - i.y * o.x;
+    Some((tilt, half, across.abs() < 2e-3 * i.z.max(o.z).max(0.1)))
 }
 
 /// A row with angles that are none negative, radians.
@@ -234,86 +283,101 @@ impl Table {
     fn around(&self, i: DVec3, o: DVec3, without: Option<usize>) -> Around {
         let in_plane = if self.flat { self.in_plane(i, o) } else { None };
         let (i, o) = in_plane.map_or((i, o), |(i, o, _)| (i, o));
+        let h = (i + o).normalize();
         let mut stencil = Stencil::new();
-        let (there, covered_there) = self.one_way(i, o, without, &mut stencil);
+        let there = self.one_way(i, h, without, &mut stencil);
         let first = stencil.len();
-        let (back, covered_back) = self.one_way(o, i, without, &mut stencil);
-        let weight = |distance: f64| 1.0 / (MEASURED_RAD * MEASURED_RAD + distance * distance);
-        let (a, b) = (weight(there), weight(back));
-        // What was not measured says nothing against what was.
-        let (a, b) = match [covered_there, covered_back] {
-            [true, false] => (a, 1e-3 * b),
-            [false, true] => (1e-3 * a, b),
-            _ => (a, b),
-        };
-        stencil.scale_from(first, b / (a + b));
+        let back = self.one_way(o, h, without, &mut stencil);
+        let shares = shares(there, back);
         let mut both = Stencil::new();
         for (k, (row, w)) in stencil.parts().iter().enumerate() {
-            both.push(*row, if k < first { w * a / (a + b) } else { *w });
+            both.push(*row, w * shares[usize::from(k >= first)]);
         }
-        let covered = (covered_there || covered_back) && in_plane.is_none_or(|(.., flat)| flat);
-        Around { stencil: both, covered, distance: there.min(back) }
+        let covered = (there.covered || back.covered) && in_plane.is_none_or(|(.., flat)| flat);
+        Around { stencil: both, covered, distance: there.distance.min(back.distance) }
+    }
+
+    /// ln f of a table of one wavelength, and whether it lies between rows: as [`Self::around`] has it, without a list of rows. `None` where a value is 0.
+    fn quick(&self, i: DVec3, o: DVec3) -> Option<(f64, bool)> {
+        let new = || Sum { of: &self.log, sum: 0.0 };
+        let (mut a, mut b) = (new(), new());
+        let (there, back, flat) = if self.flat {
+            let (tilt, half, flat) = bisected(i, o)?;
+            // In the plane: signed angles from the normal, and the tilt towards whichever is the light.
+            let [light, seen] =
+                [tilt - half, tilt + half].map(|a| a.clamp(-GRAZING_RAD, GRAZING_RAD));
+            let tilt = 0.5 * (light + seen);
+            let there = self.one_flat_way(light.abs(), tilt.copysign(tilt * light), &mut a);
+            let back = self.one_flat_way(seen.abs(), tilt.copysign(tilt * seen), &mut b);
+            (there, back, flat)
+        } else {
+            let h = (i + o).normalize();
+            (self.one_way(i, h, None, &mut a), self.one_way(o, h, None, &mut b), true)
+        };
+        let [x, y] = shares(there, back);
+        // A share may be 0 where the other way is as near as can be.
+        let ln = x * a.sum + y * b.sum;
+        ln.is_finite().then_some((ln, (there.covered || back.covered) && flat))
     }
 
     /// Light and detector in the plane of incidence with the same tilt of the bisector and the same angle to it, and whether they were there before.
     fn in_plane(&self, i: DVec3, o: DVec3) -> Option<(DVec3, DVec3, bool)> {
-        let h = i + o;
-        let (length, apart) = (h.length(), (i - o).length());
-        if length < 1e-9 {
-            return None;
-        }
-        let tilt = h.x.hypot(h.y).atan2(h.z);
-        let half = apart.atan2(length);
+        let (tilt, half, flat) = bisected(i, o)?;
         // Out of the plane light or detector would be below the horizon of the plane's.
         let place = |a: f64| {
             let (sin, cos) = a.clamp(-GRAZING_RAD, GRAZING_RAD).sin_cos();
             DVec3::new(sin, 0.0, cos)
         };
-        let flat = i.x * o.y - i.y * o.x;
-        Some((place(tilt - half), place(tilt + half), flat.abs() < 2e-3 * i.z.max(o.z).max(0.1)))
+        Some((place(tilt - half), place(tilt + half), flat))
     }
 
-    /// Adds the rows for light from `i`; gives how far its incidence is from measured ones, and whether it lies between rows.
-    fn one_way(
-        &self,
-        i: DVec3,
-        o: DVec3,
-        without: Option<usize>,
-        stencil: &mut Stencil,
-    ) -> (f64, bool) {
-        let (i, o) = if self.isotropic { turned(i, o) } else { (i, o) };
-        let h = (i + o).normalize();
+    /// Adds the rows for light from `i` with the bisector `h`.
+    fn one_way(&self, i: DVec3, h: DVec3, without: Option<usize>, sink: &mut impl Sink) -> Way {
+        let (i, h) = if self.isotropic { turned(i, h) } else { (i, h) };
         let theta = super::tensor::elevation(i);
         let rows = self.theta.len();
-        let (low, high) = self.beside(theta, without);
-        let (t, mut distance) = if low == high {
-            (0.0, (theta - self.theta[low]).abs())
-        } else {
-            let t = (theta - self.theta[low]) / (self.theta[high] - self.theta[low]);
-            let apart = (theta - self.theta[low]).abs().min((theta - self.theta[high]).abs());
-            (t.clamp(0.0, 1.0), apart)
-        };
-        let mut covered = distance < SAME_DEG.to_radians()
-            || (theta >= self.theta[low] && theta <= self.theta[high] && low != high);
-        if !covered {
-            distance *= BEYOND_ENDS;
-        }
+        let Between { low, high, part, mut way } = self.between(theta, without);
         let (k, next, f) = self.azimuth(i);
         if self.phi.len() > 1 {
-            distance =
-                distance.hypot(f.min(1.0 - f) * TAU / self.phi.len() as f64 * i.x.hypot(i.y));
+            way.distance =
+                way.distance.hypot(f.min(1.0 - f) * TAU / self.phi.len() as f64 * i.x.hypot(i.y));
         }
         for (k, around) in [(k, 1.0 - f), (next, f)] {
-            for (j, up) in [(low, 1.0 - t), (high, t)] {
+            for (j, up) in [(low, 1.0 - part), (high, part)] {
                 let share = around * up;
                 if share > 1e-12 {
-                    let beyond = self.slices[k * rows + j].add(h, share, stencil);
-                    covered &= beyond < 1e-6;
-                    distance += share * beyond;
+                    way.add(share, self.slices[k * rows + j].add(h, share, sink));
                 }
             }
         }
-        (distance, covered)
+        way
+    }
+
+    /// [`Self::one_way`] of a table in the plane of incidence: by the light's angle from the normal and the bisector's tilt towards it, radians.
+    fn one_flat_way(&self, theta: f64, tilt: f64, sink: &mut impl Sink) -> Way {
+        let Between { low, high, part, mut way } = self.between(theta, None);
+        for (j, share) in [(low, 1.0 - part), (high, part)] {
+            if share > 1e-12 {
+                way.add(share, self.slices[j].add_at_tilt(tilt, share, sink));
+            }
+        }
+        way
+    }
+
+    /// Between which measured elevations one lies.
+    fn between(&self, theta: f64, without: Option<usize>) -> Between {
+        let (low, high) = self.beside(theta, without);
+        let (part, distance) = if low == high {
+            (0.0, (theta - self.theta[low]).abs())
+        } else {
+            let part = (theta - self.theta[low]) / (self.theta[high] - self.theta[low]);
+            let apart = (theta - self.theta[low]).abs().min((theta - self.theta[high]).abs());
+            (part.clamp(0.0, 1.0), apart)
+        };
+        let covered = distance < SAME_DEG.to_radians()
+            || (theta >= self.theta[low] && theta <= self.theta[high] && low != high);
+        let distance = if covered { distance } else { BEYOND_ENDS * distance };
+        Between { low, high, part, way: Way { distance, covered } }
     }
 
     /// The elevations below and above one, but that left out; the same twice beyond the ends.
@@ -399,6 +463,12 @@ impl Scatter for Table {
     }
 
     fn add_and_cover(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) -> bool {
+        if self.wavelengths == 1
+            && let Some((ln, covered)) = self.quick(i, o)
+        {
+            sum[0] += scale * ln.exp();
+            return covered;
+        }
         let around = self.around(i, o, None);
         for (k, sum) in sum[..self.wavelengths].iter_mut().enumerate() {
             *sum += scale * self.ln_at(&around.stencil, k).exp();
@@ -431,6 +501,10 @@ impl Scatter for Table {
     fn effort(&self) -> Effort {
         // Pieces that are linear or bilinear have kinks everywhere, and a real peak may be a degree wide at nine decades.
         Effort { tolerance: 1e-3, most: 60_000 }
+    }
+
+    fn grain(&self) -> f64 {
+        1e-3
     }
 
     fn has_gaps(&self) -> bool {
@@ -501,7 +575,7 @@ fn slices(
 
 /// Both turned so that `i` has the azimuth 0.
 fn turned(i: DVec3, o: DVec3) -> (DVec3, DVec3) {
-    let across = i.x.hypot(i.y);
+    let across = (i.x * i.x + i.y * i.y).sqrt();
     if across < 1e-15 {
         // No azimuth of its own: that of the other decides nothing.
         return (i, o);

@@ -13,19 +13,24 @@ use sunglint_formats::ParseError;
 const ANGLES: [&str; 4] = ["theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg"];
 const HINT: &str = "the columns are theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, and brdf_per_sr with wavelength_nm as a key, or brdf_450nm_per_sr and so on";
 
-/// Wavelengths \[nm\] and rows of a table; `wavelength_nm` is that of a column `brdf_per_sr`, which names none.
+/// Wavelengths \[nm\] and rows of a table; `wavelength_nm` is that of a column `brdf_per_sr`, which names none, or which of a foreign file's.
 ///
 /// # Errors
 /// A [`ParseError`] with line and column: a column that is missing or not known, a number that is none.
 pub fn read(
     path: &Path,
-    text: &str,
+    content: Vec<u8>,
     wavelength_nm: Option<f64>,
 ) -> Result<(Vec<f64>, Vec<Row>), ParseError> {
-    if let Some(format) = Exchange::of(text) {
-        let found = format.read(path, text, wavelength_nm)?;
-        return Ok((vec![found.wavelength_nm], found.rows));
+    if let Some(format) = Exchange::of(&content) {
+        if format == Exchange::Rgl {
+            let error = ParseError::new(path, "a tensor file of the RGL database", "a table");
+            return Err(error.with_hint("it is model = \"measured\", which keeps its own grid"));
+        }
+        let found = format.read(path, &content, wavelength_nm)?;
+        return Ok((found.wavelength_nm, found.rows));
     }
+    let text = sunglint_formats::read::decode(path, content)?;
     let mut lines = text
         .lines()
         .enumerate()

@@ -22,25 +22,42 @@ pub struct Stencil {
     len: usize,
 }
 
-impl Stencil {
-    pub fn new() -> Self {
-        Self { parts: [(0, 0.0); 32], len: 0 }
-    }
+/// Takes rows with weights: keeps them, or sums what they hold.
+pub trait Sink {
+    fn push(&mut self, row: usize, weight: f64);
+}
 
-    pub fn push(&mut self, row: usize, weight: f64) {
+impl Sink for Stencil {
+    fn push(&mut self, row: usize, weight: f64) {
         if weight > 0.0 && self.len < self.parts.len() {
             self.parts[self.len] = (row, weight);
             self.len += 1;
         }
     }
+}
+
+/// Sum of one number a row, times the weights.
+#[derive(Debug)]
+pub struct Sum<'a> {
+    pub of: &'a [f64],
+    pub sum: f64,
+}
+
+impl Sink for Sum<'_> {
+    fn push(&mut self, row: usize, weight: f64) {
+        if weight > 0.0 {
+            self.sum += weight * self.of[row];
+        }
+    }
+}
+
+impl Stencil {
+    pub fn new() -> Self {
+        Self { parts: [(0, 0.0); 32], len: 0 }
+    }
 
     pub fn parts(&self) -> &[(usize, f64)] {
         &self.parts[..self.len]
-    }
-
-    /// Multiplies the weights of the parts from number `from` on.
-    pub fn scale_from(&mut self, from: usize, factor: f64) {
-        self.parts[from.min(self.len)..self.len].iter_mut().for_each(|p| p.1 *= factor);
     }
 
     pub fn len(&self) -> usize {
@@ -109,6 +126,8 @@ enum About {
 pub struct Slice {
     /// Unit vector to the light.
     pub i: DVec3,
+    /// Its angle from the normal, radians.
+    theta: f64,
     kind: Kind,
 }
 
@@ -146,7 +165,7 @@ impl Slice {
             .or_else(|| grid(rows, isotropic))
             .or_else(|| if isotropic { about_mirrored(i, rows) } else { None })
             .unwrap_or_else(|| scattered(i, rows, isotropic, next, mixed));
-        Self { i, kind }
+        Self { i, theta: elevation(i), kind }
     }
 
     pub fn is_plane(&self) -> bool {
@@ -154,16 +173,16 @@ impl Slice {
     }
 
     /// Adds the rows around the outgoing direction that has the bisector `h`; gives how far it lies beyond the rows, radians.
-    pub fn add(&self, h: DVec3, share: f64, stencil: &mut Stencil) -> f64 {
+    pub fn add(&self, h: DVec3, share: f64, sink: &mut impl Sink) -> f64 {
         match &self.kind {
-            Kind::Plane { angle, row } => self.add_in_plane(h, angle, row, share, stencil),
+            Kind::Plane { angle, row } => self.add_in_plane(h, angle, row, share, sink),
             Kind::Grid { about, theta, phi, row, known, mirrored } => {
-                let o = (2.0 * self.i.dot(h) * h - self.i).normalize();
+                let o = 2.0 * self.i.dot(h) * h - self.i;
                 let at = match about {
                     About::Normal => (elevation(o), o.y.atan2(o.x)),
                     About::Mirrored => of_mirrored(self.i, o),
                 };
-                let beyond = add_on_grid((theta, phi), (row, known), *mirrored, at, share, stencil);
+                let beyond = add_on_grid((theta, phi), (row, known), *mirrored, at, share, sink);
                 beyond + (-o.z).max(0.0)
             }
         }
@@ -176,23 +195,32 @@ impl Slice {
         angle: &Nodes,
         row: &[usize],
         share: f64,
-        stencil: &mut Stencil,
+        sink: &mut impl Sink,
     ) -> f64 {
         let across = h.x.hypot(h.y);
         let tilt = across.atan2(h.z);
         let ahead = if across > 1e-12 { 0.5 * (1.0 - h.x / across) } else { 0.5 };
-        let incidence = elevation(self.i);
+        let incidence = self.theta;
         let mut beyond = if h.y.abs() < IN_PLANE_RAD { 0.0 } else { h.y.abs() };
         for (side, part) in [(1.0, ahead), (-1.0, 1.0 - ahead)] {
             if part > 1e-12 {
                 let a = incidence + side * 2.0 * tilt;
                 let (j, t, outside) = angle.between(a);
-                stencil.push(row[j], share * part * (1.0 - t));
-                stencil.push(row[j + 1], share * part * t);
+                sink.push(row[j], share * part * (1.0 - t));
+                sink.push(row[j + 1], share * part * t);
                 beyond += part * outside;
             }
         }
         beyond
+    }
+
+    /// [`Self::add`] of a slice in the plane of incidence, at a bisector in it: `tilt` is that of the bisector towards the light, radians.
+    pub fn add_at_tilt(&self, tilt: f64, share: f64, sink: &mut impl Sink) -> f64 {
+        let Kind::Plane { angle, row } = &self.kind else { return 0.0 };
+        let (j, t, outside) = angle.between(self.theta - 2.0 * tilt);
+        sink.push(row[j], share * (1.0 - t));
+        sink.push(row[j + 1], share * t);
+        outside
     }
 
     /// Rows with the rows beside them, along each axis: the number of a row, of the one before and the one after, and the part of the way.
@@ -403,7 +431,7 @@ fn add_on_grid(
     mirrored: bool,
     (t, p): (f64, f64),
     share: f64,
-    stencil: &mut Stencil,
+    sink: &mut impl Sink,
 ) -> f64 {
     let (j, s, mut beyond) = theta.between(t);
     let last = phi.len() - 1;
@@ -428,7 +456,7 @@ fn add_on_grid(
     for (j, weight) in [(j, 1.0 - s), (j + 1, s)] {
         for (k, part) in [(k, 1.0 - f), (next, f)] {
             let cell = j * phi.len() + k;
-            stencil.push(row[cell], share * weight * part);
+            sink.push(row[cell], share * weight * part);
             if !known[cell] {
                 unknown += weight * part;
             }

@@ -334,9 +334,9 @@ impl Reader<'_> {
     }
 
     fn table(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
-        let (path, text) = self.read("file", self.named(file)?)?;
+        let (path, content) = self.bytes("file", self.named(file)?)?;
         let nm = file.wavelength_nm.map(Finite::get);
-        let (wavelengths, rows) = brdf_table::read(&path, &text, nm)?;
+        let (wavelengths, rows) = brdf_table::read(&path, content, nm)?;
         let floor = file.floor_per_sr.map(Finite::get);
         brdf_table::material(&file.name, &wavelengths, &rows, floor)
             .map_err(|e| ParseError::new(&path, e.to_string(), "a table of measured values").into())

@@ -95,6 +95,30 @@ impl Tensor {
         DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
     }
 
+    /// Light, outgoing direction and values \[sr⁻¹\] at the nodes of the grid in s, slice by slice; those whose bisector mirrors the light below the horizon are left out.
+    pub fn nodes(&self) -> impl Iterator<Item = (DVec3, DVec3, Vec<f64>)> + '_ {
+        let (nt, n) = (self.theta_i.len(), self.side);
+        let slices = nt * self.phi_i.len();
+        (0..slices * n * n).filter_map(move |at| {
+            let (slice, node) = (at / (n * n), at % (n * n));
+            let (phi, theta) = (self.phi_i[slice / nt], self.theta_i[slice % nt]);
+            let i = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+            let last = (n - 1) as f64;
+            let s = [(node % n) as f64 / last, (node / n) as f64 / last];
+            let (u, _) = self.vndf.sample(s, &[(slice, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]);
+            let m = self.direction(phi, u);
+            let o = (2.0 * i.dot(m) * m - i).normalize();
+            if o.z <= 0.0 || i.dot(m) <= 0.0 {
+                return None;
+            }
+            let u_i = [(theta * 2.0 / PI).sqrt(), (phi + PI) / TAU];
+            let scale = self.jacobian(u, u_i) / o.z;
+            let from = at * self.wavelengths;
+            let values = &self.spectra[from..from + self.wavelengths];
+            Some((i, o, values.iter().map(|v| scale * f64::from(*v)).collect()))
+        })
+    }
+
     pub fn sampling_density(&self, i: DVec3, o: DVec3) -> f64 {
         let (i, o) = (self.folded(i, i), self.folded(i, o));
         let (theta, phi) = (elevation(i), azimuth(i));
