@@ -194,12 +194,12 @@ fn a_gap_double_times_and_times_backwards() {
     assert!(!sorted.len().is_multiple_of(7919));
     let shuffled: Vec<usize> =
         (0..sorted.len()).map(|i| sorted[(i * 7919 + 13) % sorted.len()]).collect();
-    let mut answers = [&sorted, &shuffled].map(|order| {
+    let answers = [&sorted, &shuffled].map(|order| {
         write(&folder, "m.ecsv", &rows(order));
         same_light(folder.json(&attitude))
     });
     assert_eq!(answers[0]["verdict"], "one");
-    assert_eq!(answers[0], std::mem::take(&mut answers[1]));
+    assert_eq!(answers[0], answers[1]);
 }
 
 /// Exit code 1 where something is wrong with the input, 2 with the command; the message says what to do.

@@ -21,7 +21,8 @@ pub fn star_of_now() -> String {
     };
     let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
     let stars = Catalogue::embedded().stars().iter();
-    let named = stars.filter(|star| star.v_mag.is_some_and(|v| (2.5..4.5).contains(&v)) && star.hip.is_some());
+    let named = stars
+        .filter(|star| star.v_mag.is_some_and(|v| (2.5..4.5).contains(&v)) && star.hip.is_some());
     let found = named
         .filter(|star| now_fits(star) && soon_fits(star))
         .find(|star| Catalogue::embedded().find(&star.label()).is_ok());
