@@ -7,6 +7,7 @@
 //! or more but for paths that end (or begin) with two rough surfaces and have a third scattering.
 
 use super::chords::Pairs;
+use super::clear::Twice;
 use super::optics::Optics;
 use super::spectral::Spectral;
 use super::surfaces::Surfaces;
@@ -33,8 +34,23 @@ pub struct Orders {
     /// S of the larger patches by each scramble, less their mean; and that mean.
     scrambles: Vec<Matrix>,
     mean: Matrix,
+    /// ρ/A of the larger patches at the node of which these are.
+    kept: Vec<f64>,
+    /// What goes straight between clear pairs, of the patches and of the larger ones.
+    straight: [Straight; 2],
     /// The number of the node that these are of.
     tried: usize,
+}
+
+/// S between the patches of clear pairs: for each patch its partners.
+#[derive(Debug, Default)]
+struct Straight {
+    rows: Vec<Vec<(u32, f32)>>,
+    /// For each patch the number of its material among the diffuse ones.
+    material: Vec<usize>,
+    /// For each patch its surface.
+    surface: Vec<usize>,
+    materials: usize,
 }
 
 /// At one wavelength, of the patches and of the larger ones.
@@ -43,6 +59,8 @@ struct Node {
     /// Q of the larger patches.
     coarse: Stored,
     once: [Vec<f64>; 2],
+    /// ρ of each diffuse material.
+    diffuse: Vec<f64>,
     /// ρ of each channel.
     rho: Vec<f64>,
 }
@@ -96,9 +114,11 @@ impl Orders {
             let once = [0, 1].map(|k| {
                 areas[k].iter().zip(&rho[k]).map(|(a, r)| FRAC_1_PI * a * r).collect::<Vec<f64>>()
             });
+            let of_material = |m: &usize| optics.lambert(*m).map_or(0.0, |r| r[node]).min(WHITEST);
+            let diffuse = patched.clear.materials.iter().map(of_material).collect();
             let channels = patched.chords.channels.iter();
             let rho = channels.map(|(m, k)| optics.rho(*m, *k, node)).collect();
-            Some((all, Node { coarse: large, once, rho }))
+            Some((all, Node { coarse: large, once, diffuse, rho }))
         };
         let solved = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<_>>>()?;
         let (all, nodes): (Vec<Stored>, Vec<Node>) = solved.into_iter().unzip();
@@ -111,7 +131,11 @@ impl Orders {
         for scramble in &mut scrambles {
             scramble.iter_mut().zip(&mean).for_each(|(s, m)| *s -= m);
         }
-        Some(Self { nodes, spectral, scrambles, mean, tried: tried - wanted.start })
+        let straight = Straight::of(patched, &alone);
+        let [_, rho] = reflectances(patched, optics, tried);
+        let kept = rho.iter().zip(areas[1]).map(|(r, a)| r / a).collect();
+        let tried = tried - wanted.start;
+        Some(Self { nodes, spectral, scrambles, mean, kept, straight, tried })
     }
 
     /// Matrices of the patches that an epoch reads.
@@ -120,26 +144,57 @@ impl Orders {
     }
 
     /// The light between two ends, the Sun's or the Earth's and the observer's, at each wavelength.
-    pub fn light(&self, ends: [&End; 2], pairs: &Pairs, vectors: &mut Vectors) -> Vec<Found> {
+    pub fn light(
+        &self,
+        ends: [&End; 2],
+        pairs: &Pairs,
+        twice: &Twice,
+        vectors: &mut Vectors,
+    ) -> Vec<Found> {
         let factors = self.nodes.get(self.tried).map_or(0.0, |node| {
             node.brought(ends, vectors);
-            self.of_factors([&vectors.ends[0][1], &vectors.ends[1][1]])
+            self.of_factors(ends, [&vectors.ends[0][1], &vectors.ends[1][1]], twice)
+        });
+        let by_patches = [0, 1].map(|level| {
+            let [sun, eye] = ends.map(|end| &end.straight[level][..]);
+            if twice.is_counted { self.straight[level].by_materials(eye, sun) } else { Vec::new() }
         });
         let fine = self.spectral.between(ends);
         let light = |(n, node): (usize, &Node)| {
             let (all, off) = self.spectral.at(n, &node.rho, &fine);
-            node.light(factors, ends, pairs, vectors, (all, off))
+            let known = node.known(twice, &by_patches);
+            node.light(factors, ends, pairs, vectors, (all, off), known)
         };
         self.nodes.iter().enumerate().map(light).collect()
     }
 
-    /// The claimed error of the form factors, relative.
-    fn of_factors(&self, [e, v]: [&[f64]; 2]) -> f64 {
-        let whole = transport::between(v, &self.mean, e);
+    /// The claimed error of the form factors, relative to the light that patches find: of what goes from patch to patch once (but between clear pairs) and twice.
+    fn of_factors(&self, ends: [&End; 2], [e, v]: [&[f64]; 2], twice: &Twice) -> f64 {
+        let [sun, eye] = ends.map(|end| &end.straight[1][..]);
+        let once = |s: &Matrix| {
+            let known = if twice.is_counted { self.straight[1].within(eye, s, sun) } else { 0.0 };
+            transport::between(v, s, e) - known
+        };
+        // After one exchange.
+        let gone = |x: &[f64]| {
+            let n = x.len();
+            let mut out = vec![0.0; n];
+            for (x, row) in
+                x.iter().zip(self.mean.chunks_exact(n.max(1))).filter(|(x, _)| **x != 0.0)
+            {
+                out.iter_mut().zip(row).for_each(|(o, s)| *o += x * s);
+            }
+            out.iter_mut().zip(&self.kept).for_each(|(o, kept)| *o *= kept);
+            out
+        };
+        let (after, before) = (gone(e), gone(v));
+        let more = |s: &Matrix| transport::between(v, s, &after);
+        let whole = once(&self.mean) + more(&self.mean);
         if whole <= 0.0 {
             return 0.0;
         }
-        let square: f64 = self.scrambles.iter().map(|s| transport::between(v, s, e).powi(2)).sum();
+        let off = |s: &Matrix| once(s) + more(s) + transport::between(&before, s, e);
+        let square: f64 = self.scrambles.iter().map(|s| off(s).powi(2)).sum();
         CLAIMED * (square * of_mean()).sqrt() / whole
     }
 }
@@ -150,7 +205,89 @@ fn of_mean() -> f64 {
     1.0 / (n * (n - 1.0))
 }
 
+impl Straight {
+    /// Of the patches and of the larger ones, from what goes straight from patch to patch.
+    fn of(patched: &Patched, alone: &Matrix) -> [Self; 2] {
+        let Patched { patches, clear, .. } = patched;
+        if clear.is_empty() {
+            return Default::default();
+        }
+        let [fine, coarse] = patches.diffuse;
+        let mut surface = [vec![0; fine], vec![0; coarse]];
+        for (p, patch) in patches.list[..fine].iter().enumerate() {
+            let number = patches.cells[patch.cells].surface;
+            surface[0][p] = number;
+            surface[1][patch.coarse] = number;
+        }
+        let gathered = transport::gathered(alone, patches);
+        let mut matrices = [alone, &gathered].into_iter();
+        surface.map(|surface| {
+            let (n, s) = (surface.len(), matrices.next().map_or(&[][..], |m| m));
+            let row = |p: usize| -> Vec<(u32, f32)> {
+                let partners = (0..n).filter(|q| clear.holds(surface[p], surface[*q]));
+                let with = |q: usize| (q as u32, s[p * n + q] as f32);
+                partners.map(with).filter(|(_, s)| *s > 0.0).collect()
+            };
+            Self {
+                rows: (0..n).map(row).collect(),
+                material: surface.iter().map(|k| clear.material(*k)).collect(),
+                surface,
+                materials: clear.materials.len(),
+            }
+        })
+    }
+
+    /// v S e/π for each material that is seen and each that is lit.
+    fn by_materials(&self, v: &[f64], e: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.materials * self.materials];
+        for (p, v) in v.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+            let row = &mut out[self.material[p] * self.materials..][..self.materials];
+            for (q, s) in &self.rows[p] {
+                let q = *q as usize;
+                row[self.material[q]] += FRAC_1_PI * v * f64::from(*s) * e[q];
+            }
+        }
+        out
+    }
+
+    /// v S e of another matrix between clear pairs.
+    fn within(&self, v: &[f64], s: &Matrix, e: &[f64]) -> f64 {
+        let n = e.len();
+        let seen = v.iter().enumerate().filter(|(_, v)| **v != 0.0);
+        let row = |(p, v): (usize, &f64)| {
+            let one = |(q, _): &(u32, f32)| s[p * n + *q as usize] * e[*q as usize];
+            v * self.rows[p].iter().map(one).sum::<f64>()
+        };
+        seen.map(row).sum()
+    }
+}
+
+/// Light of clear pairs at a wavelength, and how much of it is in the sums over patches and over the larger ones.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    light: f64,
+    error: f64,
+    by_patches: [f64; 2],
+}
+
 impl Node {
+    /// The light of clear pairs at this wavelength.
+    fn known(&self, twice: &Twice, by_patches: &[Vec<f64>; 2]) -> Known {
+        if !twice.is_counted {
+            return Known::default();
+        }
+        let sum = |row: &[f64]| -> f64 {
+            let count = self.diffuse.len();
+            let one = |(k, x): (usize, &f64)| self.diffuse[k / count] * self.diffuse[k % count] * x;
+            row.iter().enumerate().map(one).sum()
+        };
+        Known {
+            light: sum(&twice.light),
+            error: sum(&twice.error),
+            by_patches: [0, 1].map(|level| sum(&by_patches[level])),
+        }
+    }
+
     /// The light at this wavelength; `all` is what goes between two diffuse patches, with its error.
     fn light(
         &self,
@@ -159,14 +296,18 @@ impl Node {
         pairs: &Pairs,
         vectors: &mut Vectors,
         (all, off): (f64, f64),
+        known: Known,
     ) -> Found {
         self.brought(ends, vectors);
         let Vectors { ends: [sun, eye], rows } = vectors;
         let straight = |level: usize| [&ends[0].straight[level], &ends[1].straight[level]];
         let sets = || pairs.sets.iter().map(|set| self.paired(set));
         let pair = sets().sum::<f64>();
-        let fine = all + self.once(0, [&sun[0], &eye[0]], straight(0)) + pair;
+        // What rounding leaves below 0 is nothing.
+        let all = (all - known.by_patches[0]).max(0.0);
+        let fine = all + self.once(0, [&sun[0], &eye[0]], straight(0)) + pair + known.light;
         let large = transport::between(&eye[1], &self.coarse, &sun[1]);
+        let large = (large - known.by_patches[1]).max(0.0) + known.light;
         let coarse = large + self.once(1, [&sun[1], &eye[1]], straight(1)) + pair;
         let mut chords = 0.0;
         if !self.rho.is_empty() {
@@ -192,7 +333,12 @@ impl Node {
             let square: f64 = estimates.iter().map(|e| (n * (e - mean)).powi(2)).sum();
             chords = CLAIMED * (square * of_mean()).sqrt();
         }
-        Found { light: fine, left: (fine - coarse).abs(), factors: factors * fine + off, chords }
+        Found {
+            light: fine,
+            left: (fine - coarse).abs(),
+            factors: factors * (fine - known.light) + off + known.error,
+            chords,
+        }
     }
 
     /// All that the ends bring to the patches and to the larger ones.

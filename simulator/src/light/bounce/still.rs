@@ -3,6 +3,7 @@
 use super::BounceOptions;
 use super::bound::Bound;
 use super::cast::Caster;
+use super::clear::Clear;
 use super::draft::Draft;
 use super::nodes::Nodes;
 use super::optics::Optics;
@@ -48,13 +49,15 @@ pub struct Effort {
     pub patches: usize,
     /// Directions for which materials are asked at most.
     pub asked: usize,
+    /// Pairs of surfaces whose exchange is exact at most.
+    pub clear: usize,
     /// Error that patches with lobes may state where they do not meet the tolerance, as a share of the error that paths would state.
     pub of_paths: f64,
 }
 
 impl Effort {
     /// For the Sun: a few milliseconds.
-    pub const SUN: Self = Self { patches: 640, asked: 20_000, of_paths: 0.5 };
+    pub const SUN: Self = Self { patches: 640, asked: 20_000, clear: 200, of_paths: 0.5 };
     /// For the Sun, with so many light paths to spare.
     pub fn of_sun(paths: u32) -> Self {
         let times = |usual: u32| f64::from(paths) / f64::from(usual);
@@ -64,7 +67,7 @@ impl Effort {
     }
 
     /// For each of the Earth's directions: some 50 µs.
-    pub const EARTH: Self = Self { patches: 100, asked: 800, of_paths: f64::INFINITY };
+    pub const EARTH: Self = Self { patches: 100, asked: 800, clear: 0, of_paths: f64::INFINITY };
 }
 
 /// Preparation that is done once.
@@ -107,6 +110,7 @@ impl Still {
         let area: f64 = active.iter().map(|k| surfaces.list[*k].area).sum();
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let node = brightest(&optics, surfaces, active);
+        let clear = Arc::new(Clear::new(surfaces, &diffuse, scene.touching_m, effort.clear));
         let pieces = |of: &[usize]| split::pieces(&surfaces.list, of, scene.touching_m);
         let (diffuse, rough) = (pieces(&diffuse)?, pieces(&rough)?);
         let cells = |size: f64| Patches::new([&diffuse, &rough], size);
@@ -119,8 +123,15 @@ impl Still {
             if patches.list.len() > effort.patches && size < first {
                 return None;
             }
-            let mut draft =
-                Draft::new(scene, surfaces, patches, &caster, &optics, (node, nodes.nm.len()));
+            let mut draft = Draft::new(
+                scene,
+                surfaces,
+                patches,
+                &caster,
+                &optics,
+                (node, nodes.nm.len()),
+                clear.clone(),
+            );
             let (mut rays, mut chords) = (LEAST_RAYS, LEAST_CHORDS);
             draft.shoot(rays, chords, seed);
             let mut look = draft.look(pilot);
