@@ -260,3 +260,45 @@ fn hull(rings: &[Vec<DVec3>; 2], surfaces: [&Surface; 2], touching_m: f64) -> Ve
     }
     planes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Scene;
+    use crate::mesh::shapes::{Side, cuboid};
+    use crate::target::{Placement, Shape, Target};
+
+    /// Cubes of 1 m at some heights, the second of another size.
+    fn cubes(heights: &[(f64, f64)]) -> (Surfaces, f64) {
+        let mut target = Target::built_in("corner").unwrap();
+        target.parts.truncate(heights.len());
+        for (part, (z, side)) in target.parts.iter_mut().zip(heights) {
+            part.shape = Shape::Mesh(cuboid(DVec3::splat(*side), &Side::ALL));
+            part.placement =
+                Placement { offset_m: DVec3::new(0.0, 0.0, *z), ..Placement::default() };
+        }
+        let scene = Scene::new(&target).unwrap();
+        (Surfaces::new(&scene), scene.touching_m)
+    }
+
+    /// Truth: two unit squares that face each other at 1 m exchange A F = 0.199 825 m² (Howell's catalogue, C-11). Nothing else of two cubes one above the other sees each
+    /// other. With a small cube in between they are no clear pair any more, and its own faces above and below are.
+    #[test]
+    fn what_stands_between_makes_a_pair_no_clear_one() {
+        let (surfaces, touching) = cubes(&[(0.0, 1.0), (2.0, 1.0)]);
+        let all: Vec<usize> = (0..surfaces.list.len()).collect();
+        let clear = Clear::new(&surfaces, &all, touching, 100);
+        assert_eq!(clear.pairs.len(), 1);
+        assert!((clear.pairs[0].whole.0 - 0.199_825).abs() < 1e-6, "{:?}", clear.pairs[0]);
+        let (surfaces, touching) = cubes(&[(0.0, 1.0), (2.0, 1.0), (1.0, 0.2)]);
+        let all: Vec<usize> = (0..surfaces.list.len()).collect();
+        let clear = Clear::new(&surfaces, &all, touching, 100);
+        let area = |k: usize| surfaces.list[k].area;
+        assert_eq!(clear.pairs.len(), 2);
+        for pair in &clear.pairs {
+            let [a, b] = pair.surfaces.map(area);
+            assert!((a.min(b) - 0.04).abs() < 1e-12 && (a.max(b) - 1.0).abs() < 1e-12);
+        }
+        assert!(Clear::new(&surfaces, &all, touching, 0).is_empty());
+    }
+}

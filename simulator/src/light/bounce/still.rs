@@ -80,6 +80,10 @@ pub struct Still {
     claim: Claim,
     /// The paths of what is left, where there is anything.
     rest: Option<Arc<Plan>>,
+    /// The paths of all light, where the budget holds so many that they may know it better than patches do.
+    beyond: Option<Arc<Plan>>,
+    /// How many times the light paths of an epoch would have to be more to know it as well as patches do.
+    as_good: f64,
 }
 
 impl Still {
@@ -170,9 +174,13 @@ impl Still {
             if stated > options.tolerance.max(of_paths * by_paths) {
                 return None;
             }
-            let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));
+            let plan = || Plan::new(surfaces.clone(), active.clone(), nodes, options);
+            let rest = draft.leaves_a_rest().then(|| Arc::new(plan().of_rest()));
+            let as_good = (by_paths / stated.max(f64::MIN_POSITIVE)).powi(2);
+            let beyond = (as_good < 1.0 && effort.clear > 0).then(|| Arc::new(all));
             let (patched, orders) = draft.finish(nodes)?;
-            return Some(Self { nodes: nodes.clone(), patched, orders, rays, claim, rest });
+            let nodes = nodes.clone();
+            return Some(Self { nodes, patched, orders, rays, claim, rest, beyond, as_good });
         }
     }
 
@@ -186,8 +194,18 @@ impl Still {
             directions => format!(", lobes along {directions} directions"),
         };
         let rest = if self.rest.is_some() { ", light paths between lobes" } else { "" };
+        let beyond = match self.beyond {
+            Some(_) => ", light paths where that misses the tolerance".into(),
+            None if self.as_good.is_finite() && self.as_good > 1.0 => {
+                format!(
+                    ", light paths would know it better from {:.0} times the budget on",
+                    self.as_good.ceil()
+                )
+            }
+            None => String::new(),
+        };
         format!(
-            "{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each{rough}{rest}"
+            "{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each{rough}{rest}{beyond}"
         )
     }
 
@@ -213,24 +231,30 @@ pub struct StillLight<'a> {
     still: Arc<Still>,
     views: Views<'a>,
     rest: Option<Box<Tracing<'a>>>,
+    beyond: Option<Box<Tracing<'a>>>,
 }
 
 impl<'a> StillLight<'a> {
     pub fn new(scene: &'a Scene, still: Arc<Still>) -> Self {
-        let rest = still.rest.as_ref().map(|plan| Box::new(Tracing::new(scene, plan.clone())));
-        Self { views: still.views(scene), rest, still }
+        let paths = |plan: &Arc<Plan>| Box::new(Tracing::new(scene, plan.clone()));
+        let (rest, beyond) = (still.rest.as_ref().map(paths), still.beyond.as_ref().map(paths));
+        Self { views: still.views(scene), rest, beyond, still }
     }
 
     /// Adds weights and errors.
     pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
         let found = self.still.found(&mut self.views, &[(sun, 1.0)], eye);
+        let (mut light, mut off): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
         if let Some(rest) = &mut self.rest {
-            let beside: Vec<f64> = found.iter().map(|f| f.0).collect();
-            rest.add((sun, eye), Some(&beside), weights, errors);
+            let beside = light.clone();
+            rest.add((sun, eye), Some(&beside), &mut light, &mut off);
         }
-        for (s, (light, error)) in found.into_iter().enumerate() {
-            weights[s] += light;
-            errors[s] += error;
+        if let Some(beyond) = &mut self.beyond {
+            beyond.improve((sun, eye), &mut light, &mut off);
+        }
+        for s in 0..light.len() {
+            weights[s] += light[s];
+            errors[s] += off[s];
         }
     }
 }
