@@ -179,11 +179,13 @@ impl Orders {
             let (all, off) = self.spectral.at(n, &node.rho, &fine);
             let known = node.known(twice, &by_patches);
             // What rounding leaves below 0 is nothing.
-            let by_patches = (all - known.by_patches[0]).max(0.0)
+            let by_factors = (all - known.by_patches[0]).max(0.0);
+            let light = by_factors
                 + quadratic(&node.diffuse, &node.rho, &between)
-                + bilinear(&node.rho, &node.rho, &paired);
-            let factors = factors * by_patches + off + known.error;
-            (Found { light: by_patches + known.light, left: 0.0, factors, chords: 0.0 }, known)
+                + bilinear(&node.rho, &node.rho, &paired)
+                + known.light;
+            let factors = factors * by_factors + off + known.error;
+            (Found { light, left: 0.0, factors, chords: 0.0 }, known)
         };
         let (mut found, known): (Vec<Found>, Vec<Known>) = (0..self.nodes.len()).map(light).unzip();
         for &n in &self.looked {
