@@ -87,7 +87,7 @@ fn a_larger_budget_states_less_where_patches_miss_the_tolerance() {
                 error / (row.direct + row.bounced)
             };
             let stated: Vec<f64> = rows.map(one).collect();
-            eprintln!("{name}, {most_paths}: {stated:.1e?}; {}", bounce.need().why);
+            eprintln!("{name}, {most_paths}: {stated:?}; {}", bounce.need().why);
             stated
         });
         let [small, large] = &stated;

@@ -113,7 +113,8 @@ mod tests {
     }
 
     /// Truth: two unit squares opposite at distance 1, F = 0.199 825 (Howell's catalogue C-11, closed form below), two with a common edge at a right angle F = 0.200 044 (C-14), all edges side by
-    /// side: 1e-12 of the closed forms. The same two turned about the common edge by 60° and 120°: F by a double sum over points (4e-4 of it).
+    /// side: 1e-12 of the closed forms. The same two turned about the common edge by 60° and 120°: F by a double sum over points, taken to parts of no size (2e-3 of it: by
+    /// its last step).
     #[test]
     fn squares_as_in_the_catalogue() {
         let below = square([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
@@ -135,8 +136,10 @@ mod tests {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let leaf = square([0.0; 3], [0.0, 1.0, 0.0], [cos, 0.0, sin]);
             let (found, apart) = exchange(&below, &leaf);
-            let truth = summed(&below, &leaf, 96);
-            assert!((found / truth - 1.0).abs() < 4e-4, "{found} {truth}");
+            let [near, far] = [48, 96].map(|n| summed(&below, &leaf, n));
+            // Beside a common edge the sum errs as the size of its parts.
+            let truth = 2.0 * far - near;
+            assert!((found / truth - 1.0).abs() < 2e-3, "{found} {truth}");
             assert!(apart < 1e-3 * found);
         }
     }
