@@ -25,9 +25,16 @@ pub struct Clear {
     /// The diffuse materials.
     pub materials: Vec<usize>,
     surfaces: usize,
+    /// Farthest point of any surface from the origin, m.
+    reach_m: f64,
     /// For each two surfaces whether they are a pair.
     is_pair: Vec<bool>,
 }
+
+/// An observer at a point is as good as a distant one where the body reaches this much of the way to it at most.
+const NEAR: f64 = 1e-4;
+/// Error of cosines, directions and distances together that are taken to be the same all over a surface, in units of that part.
+const UNEVEN: f64 = 4.0;
 
 /// Two surfaces.
 #[derive(Debug, Clone)]
@@ -42,8 +49,10 @@ struct Pair {
 /// What is scattered twice by clear pairs: for each diffuse material that is seen and each that is lit, before both reflectances, m² sr⁻¹.
 #[derive(Debug, Clone, Default)]
 pub struct Twice {
-    /// Whether clear pairs are counted here: not where the observer is near.
+    /// Whether clear pairs are counted here: not where the observer is very near.
     pub is_counted: bool,
+    /// Relative error of light that is taken to be even over a surface.
+    uneven: f64,
     pub light: Vec<f64>,
     pub error: Vec<f64>,
     rings: [Vec<Vec<DVec3>>; 2],
@@ -56,6 +65,7 @@ impl Clear {
         let mut clear = Self {
             material: vec![0; list.len()],
             surfaces: list.len(),
+            reach_m: list.iter().map(|s| s.origin.length() + s.radius).fold(0.0, f64::max),
             is_pair: vec![false; list.len() * list.len()],
             ..Self::default()
         };
@@ -130,7 +140,7 @@ impl Clear {
                 };
                 let at = self.material[b] * count + self.material[a];
                 out.light[at] += FRAC_1_PI * bright * exchanged;
-                out.error[at] += FRAC_1_PI * bright.abs() * error;
+                out.error[at] += FRAC_1_PI * bright.abs() * (error + out.uneven * exchanged);
             }
         }
     }
@@ -139,7 +149,12 @@ impl Clear {
 impl Twice {
     /// Nothing yet, before an observer.
     pub fn clear(&mut self, clear: &Clear, eye: Toward) {
-        self.is_counted = !clear.is_empty() && matches!(eye, Toward::Far(_));
+        let part = match eye {
+            Toward::Far(_) => 0.0,
+            Toward::Near(q) => clear.reach_m / q.length(),
+        };
+        self.is_counted = !clear.is_empty() && part <= NEAR;
+        self.uneven = UNEVEN * part;
         let count = clear.materials.len() * clear.materials.len();
         for row in [&mut self.light, &mut self.error] {
             row.clear();

@@ -1,7 +1,8 @@
 //! Exchange of diffuse light between two polygons that see all of each other, in closed form.
 //!
 //! A F = 1/(2π) ∮∮ ln r dx·dy, along both outlines (Stokes' theorem twice; Sparrow 1963). Of two edges side by side both integrals are closed
-//! forms; of others the inner one is, and the outer one is a Gauss rule whose points are drawn to the ends, where edges touch.
+//! forms; of others the inner one is, and the outer one is a Gauss rule whose points are drawn to the ends, where edges touch. Either
+//! edge may be the outer one: that of whose two rules agree better.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -43,9 +44,14 @@ pub fn exchange(a: &[DVec3], b: &[DVec3]) -> (f64, f64) {
                 sum += cos * ours.beside(other, cos.signum());
                 continue;
             }
-            let [fine, coarse] = [0, 1].map(|rule| ours.across(other, &RULES[rule]));
+            // Where one edge begins on the other only one of both orders is smooth.
+            let both = [(ours, other), (other, ours)].map(|(outer, inner)| {
+                let [fine, coarse] = [0, 1].map(|rule| outer.across(inner, &RULES[rule]));
+                (fine, fine - coarse)
+            });
+            let (fine, off) = if both[0].1.abs() <= both[1].1.abs() { both[0] } else { both[1] };
             sum += cos * fine;
-            apart += cos * (fine - coarse);
+            apart += cos * off;
         }
     }
     ((sum / TAU).max(0.0), (apart / TAU).abs())

@@ -35,7 +35,7 @@ pub struct Shares {
     cosine: Vec<f64>,
     /// Whether only a part of a patch is open.
     partly: Vec<bool>,
-    /// The cosine at each surface that is open to a distant end (0: closed), and whether all of it is.
+    /// The cosine at each surface that is open to an end (0: closed; towards a near end with its scale), and whether all of it is.
     pub facing: Vec<f64>,
     pub whole: Vec<bool>,
     /// Open part of each surface that is partly hidden, in its axes.
@@ -118,7 +118,13 @@ impl<'a> Viewer<'a> {
                 continue;
             }
             let rings = &mut rings[list[0].surface];
-            facing[list[0].surface] = height;
+            facing[list[0].surface] = match toward {
+                Toward::Far(_) => height,
+                Toward::Near(q) => {
+                    let away = (q - surface.origin).length();
+                    height / away * (q.length() / away).powi(2)
+                }
+            };
             whole[list[0].surface] = false;
             match self.evaluator.open(surface.number, toward) {
                 None => {
