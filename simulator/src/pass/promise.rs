@@ -105,7 +105,10 @@ impl Simulation<'_> {
     fn why(&self, of: &str) -> String {
         match of {
             "light between surfaces" => {
-                format!("more work than the budget of {} s an epoch", self.pass.budget_s)
+                let budget_s = self.pass.budget_s;
+                format!(
+                    "more patches and light paths than the budget of {budget_s} s an epoch holds"
+                )
             }
             "earthshine" => "more directions than an epoch may take".into(),
             "what is left out" => {

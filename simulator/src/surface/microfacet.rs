@@ -39,6 +39,14 @@ pub enum Masking {
     HeightCorrelated,
 }
 
+/// A direction with its part of the masking, which does not depend on the other direction ([`Lobe::masked`]).
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Masked {
+    z: f64,
+    /// G₁/cosθ where masking is separable, else Λ cosθ.
+    part: f64,
+}
+
 /// The tilts of the microfacets and their masking.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lobe {
@@ -117,6 +125,31 @@ impl Lobe {
         }
         let height = |v: [T; 3]| (v[2], slope_times_sine(alpha, v));
         T::constant(0.25) * density * self.masking_over_heights(height(i), height(o))
+    }
+
+    /// Prepares a direction (unit, z > 0) that is asked for with many others.
+    pub(crate) fn masked(&self, v: DVec3) -> Masked {
+        let height = (v.z, self.slope_times_sine(v));
+        let part = match self.masking {
+            Masking::Separable => self.masking_one_over_height(height),
+            Masking::HeightCorrelated => self.lambda_times_height(height),
+        };
+        Masked { z: v.z, part }
+    }
+
+    /// [`Lobe::reflection`] of two directions that are prepared.
+    pub(crate) fn reflection_between(&self, i: (DVec3, Masked), o: (DVec3, Masked)) -> f64 {
+        let density = self.density(i.0 + o.0);
+        if density == 0.0 {
+            return 0.0;
+        }
+        let masking = match self.masking {
+            Masking::Separable => i.1.part * o.1.part,
+            Masking::HeightCorrelated => {
+                1.0 / (i.1.z * o.1.z + (o.1.z * i.1.part + i.1.z * o.1.part))
+            }
+        };
+        0.25 * density * masking
     }
 
     /// D \[sr⁻¹\] of the tilt towards a direction, of any length, with z > 0.

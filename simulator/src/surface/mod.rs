@@ -39,6 +39,7 @@ mod width;
 
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
+pub(crate) use microfacet::Masked;
 pub use microfacet::{Distribution, Lobe, Masking};
 pub use parametric::{CompositeLobe, CookTorranceLobe, Diffuse, Gloss, MaxwellBeard, MirrorTerm};
 pub use sampling::Sampled;
@@ -338,6 +339,42 @@ impl Material {
                     *last += scale;
                 }
             }
+        }
+    }
+
+    /// Prepares a direction that is asked for with many others ([`Material::add_weights_between`]).
+    pub(crate) fn masked(&self, v: DVec3) -> Masked {
+        match &self.model {
+            Model::Microfacet { lobe, .. } | Model::Blend { lobe, .. } if v.z > 0.0 => {
+                lobe.masked(v)
+            }
+            _ => Masked::default(),
+        }
+    }
+
+    /// [`Material::add_weights`] of two directions that are prepared.
+    pub(crate) fn add_weights_between(
+        &self,
+        i: (DVec3, Masked),
+        o: (DVec3, Masked),
+        scale: f64,
+        sum: &mut [f64],
+    ) {
+        if !(i.0.z > 0.0 && o.0.z > 0.0) {
+            return;
+        }
+        let (lobe, fresnel, coat) = match &self.model {
+            Model::Microfacet { lobe, fresnel } => (lobe, fresnel, sum),
+            Model::Blend { lobe, fresnel, base } => {
+                let (coat, below) = sum.split_at_mut(fresnel.spectra().len());
+                base.add_weights(i.0.z, o.0.z, scale, below);
+                (lobe, fresnel, coat)
+            }
+            _ => return self.add_weights(i.0, o.0, scale, sum),
+        };
+        let reflection = scale * lobe.reflection_between(i, o);
+        if reflection != 0.0 {
+            fresnel.add_weights(cos_difference(i.0, o.0), reflection, coat);
         }
     }
 

@@ -176,7 +176,7 @@ fn a_tangent_is_kept() {
 fn tables_that_are_none_are_refused() {
     let path = std::path::Path::new("t.csv");
     let refused = |text: &str, words: &str| {
-        let error = read(path, text, None).unwrap_err().to_string();
+        let error = read(path, text.into(), None).unwrap_err().to_string();
         assert!(error.contains(words), "{error} lacks {words}");
     };
     let header = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg";
@@ -196,7 +196,7 @@ fn tables_that_are_none_are_refused() {
     assert!(bad(f64::NAN, 3.0).contains("row 5") && bad(1.0, 95.0).contains("95"));
     let (nm, rows) = read(
         path,
-        &format!("# s\n{header},brdf_650nm_per_sr,brdf_450nm_per_sr\n1,0,3,180,5,6\n"),
+        format!("# s\n{header},brdf_650nm_per_sr,brdf_450nm_per_sr\n1,0,3,180,5,6\n").into_bytes(),
         None,
     )
     .unwrap();
@@ -275,7 +275,7 @@ const REAL: [(&str, f64); 6] = [
 fn real(file: &str, nm: f64) -> Option<Vec<Row>> {
     let path = shared(file)?;
     let text = std::fs::read_to_string(&path).unwrap();
-    Some(read(&path, &text, Some(nm)).unwrap().1)
+    Some(read(&path, text.into_bytes(), Some(nm)).unwrap().1)
 }
 
 fn pair(row: &Row) -> (DVec3, DVec3) {

@@ -13,7 +13,7 @@ use super::surfaces::Surface;
 use super::transport::{Between, SCRAMBLES};
 use super::views::{Patched, Shares};
 use crate::light::occlude::Toward;
-use crate::surface::Material;
+use crate::surface::{Masked, Material};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, PI};
@@ -49,6 +49,8 @@ struct Sheet {
     patches: Range<usize>,
     /// Blocks of directions (of all sets), in the surface's axes: each patch has one, so that neighbours err by chance in different ways.
     along: Vec<Vec<DVec3>>,
+    /// Each of them as the material is asked for it.
+    masked: Vec<Vec<Masked>>,
     /// Those along which any patch meets anything.
     used: Vec<Vec<u32>>,
 }
@@ -128,12 +130,16 @@ impl Chords {
                 .unwrap_or(patches.list.len());
             let surface = &surfaces.list[number];
             let blocks = BLOCKS.min((end - first) as u32);
+            let material = optics.material(surface.material).clone();
+            let along = directions(each, blocks, mixed(seed, number as u32));
+            let masked = |block: &Vec<DVec3>| block.iter().map(|d| material.masked(*d)).collect();
             let sheet = Sheet {
                 surface: number,
-                material: optics.material(surface.material).clone(),
                 channels: chords.channels_of(optics, surface.material),
                 patches: first..end,
-                along: directions(each, blocks, mixed(seed, number as u32)),
+                masked: along.iter().map(masked).collect(),
+                material,
+                along,
                 used: Vec::new(),
             };
             chords.add(sheet, between, seed);
@@ -384,11 +390,13 @@ impl Sheet {
         if end.z <= 0.0 {
             return;
         }
+        let end = (end, self.material.masked(end));
         for &k in &self.used[block] {
             let k = k as usize;
-            let along = self.along[block][k];
+            let along = (self.along[block][k], self.masked[block][k]);
             let (i, o) = if sends { (end, along) } else { (along, end) };
-            self.material.add_weights(i, o, 1.0, &mut out[k * count..(k + 1) * count]);
+            let row = &mut out[k * count..(k + 1) * count];
+            self.material.add_weights_between(i, o, 1.0, row);
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::cast::Caster;
 use super::chords::Chords;
 use super::claim::{Claim, Trial};
+use super::clear::Clear;
 use super::nodes::Nodes;
 use super::optics::Optics;
 use super::orders::{Found, Orders};
@@ -17,6 +18,7 @@ use crate::light::Scene;
 use crate::light::occlude::Toward;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Paths of each pair and scramble against which patches are held.
 const AGREEING: u32 = 512;
@@ -77,6 +79,7 @@ impl<'a> Draft<'a> {
         caster: &'a Caster,
         optics: &'a Optics,
         (node, nodes): (usize, usize),
+        clear: Arc<Clear>,
     ) -> Self {
         let mut of_surface = vec![0..0; surfaces.list.len()];
         let mut first = 0;
@@ -87,7 +90,7 @@ impl<'a> Draft<'a> {
         let exchange = Exchange::new(&patches, nodes, node);
         let surfaces = surfaces.clone();
         let (areas, chords) = Default::default();
-        let patched = Patched { surfaces, patches, areas, chords };
+        let patched = Patched { surfaces, patches, areas, chords, clear };
         Self { scene, caster, optics, patched, exchange, of_surface, node }
     }
 

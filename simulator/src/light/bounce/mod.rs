@@ -5,7 +5,7 @@
 //!
 //! - **Patches**, where the surfaces that exchange light are flat and do not move against each other. Everything that depends on the
 //!   body alone is done once: form factors by rays, all orders for each node of wavelengths. An epoch takes the exact lit and
-//!   seen shares of the patches and one product. What a rough surface sends from the Sun to others, or from others to the observer, is found along
+//!   seen shares of the patches and one product. What two diffuse surfaces scatter one after the other, with nothing that could stand between, is exact (`clear`). What a rough surface sends from the Sun to others, or from others to the observer, is found along
 //!   directions whose ends are known (`chords`); light that two rough surfaces scatter one after the other before or after a third surface
 //!   is left to paths.
 //! - **Paths** otherwise (spheres, hinges, mirrors), or where they state a smaller error: light paths for each epoch, as many as the tolerance asks for.
@@ -21,9 +21,11 @@ mod bound;
 mod cast;
 mod chords;
 mod claim;
+mod clear;
 mod draft;
 mod earthlit;
 mod echo;
+mod form_factor;
 mod nodes;
 mod optics;
 mod orders;

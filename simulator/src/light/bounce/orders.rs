@@ -7,6 +7,7 @@
 //! or more but for paths that end (or begin) with two rough surfaces and have a third scattering.
 
 use super::chords::Pairs;
+use super::clear::Twice;
 use super::optics::Optics;
 use super::spectral::Spectral;
 use super::surfaces::Surfaces;
@@ -21,6 +22,8 @@ const WHITEST: f64 = 1.0 - 1e-7;
 const CLAIMED: f64 = 2.5;
 /// Error that few matrices in place of one a node may make, as a share of the error between the nodes.
 const OF_NODES: f64 = 0.03;
+/// Wavelengths at which it is found how coarse and how noisy the light is: between them it is as the worse of the two beside.
+const LOOKED_AT: usize = 12;
 /// No less than this: numbers are stored to 6e-8.
 const LEAST_SPECTRAL: f64 = 1e-6;
 
@@ -33,16 +36,35 @@ pub struct Orders {
     /// S of the larger patches by each scramble, less their mean; and that mean.
     scrambles: Vec<Matrix>,
     mean: Matrix,
+    /// ρ/A of the larger patches at the node of which these are.
+    kept: Vec<f64>,
+    /// What goes straight between clear pairs, of the patches and of the larger ones.
+    straight: [Straight; 2],
+    /// The nodes at which errors are found, increasing; the first and the last are among them.
+    looked: Vec<usize>,
     /// The number of the node that these are of.
     tried: usize,
+}
+
+/// S between the patches of clear pairs: for each patch its partners.
+#[derive(Debug, Default)]
+struct Straight {
+    rows: Vec<Vec<(u32, f32)>>,
+    /// For each patch the number of its material among the diffuse ones.
+    material: Vec<usize>,
+    /// Areas of the patches, m².
+    area: Vec<f64>,
+    materials: usize,
 }
 
 /// At one wavelength, of the patches and of the larger ones.
 #[derive(Debug)]
 struct Node {
-    /// Q of the larger patches.
+    /// Q of the larger patches, and the light that each scatters once under E = 1.
     coarse: Stored,
-    once: [Vec<f64>; 2],
+    once: Vec<f64>,
+    /// ρ of each diffuse material.
+    diffuse: Vec<f64>,
     /// ρ of each channel.
     rho: Vec<f64>,
 }
@@ -66,10 +88,10 @@ impl Found {
     }
 }
 
-/// Room for vectors.
+/// Room for vectors, of the larger patches.
 #[derive(Debug, Default)]
 pub struct Vectors {
-    ends: [[Vec<f64>; 2]; 2],
+    ends: [Vec<f64>; 2],
     rows: [Vec<f64>; 2],
 }
 
@@ -93,12 +115,12 @@ impl Orders {
             let stored = |q: Matrix| q.into_iter().map(|q| q as f32).collect::<Stored>();
             let all = stored(transport::solve(&s, areas[0], &rho[0])?);
             let large = stored(transport::solve(&gathered, areas[1], &rho[1])?);
-            let once = [0, 1].map(|k| {
-                areas[k].iter().zip(&rho[k]).map(|(a, r)| FRAC_1_PI * a * r).collect::<Vec<f64>>()
-            });
+            let once = areas[1].iter().zip(&rho[1]).map(|(a, r)| FRAC_1_PI * a * r).collect();
+            let of_material = |m: &usize| optics.lambert(*m).map_or(0.0, |r| r[node]).min(WHITEST);
+            let diffuse = patched.clear.materials.iter().map(of_material).collect();
             let channels = patched.chords.channels.iter();
             let rho = channels.map(|(m, k)| optics.rho(*m, *k, node)).collect();
-            Some((all, Node { coarse: large, once, rho }))
+            Some((all, Node { coarse: large, once, diffuse, rho }))
         };
         let solved = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<_>>>()?;
         let (all, nodes): (Vec<Stored>, Vec<Node>) = solved.into_iter().unzip();
@@ -111,7 +133,18 @@ impl Orders {
         for scramble in &mut scrambles {
             scramble.iter_mut().zip(&mean).for_each(|(s, m)| *s -= m);
         }
-        Some(Self { nodes, spectral, scrambles, mean, tried: tried - wanted.start })
+        let straight = Straight::of(patched, &alone);
+        let [_, rho] = reflectances(patched, optics, tried);
+        let kept = rho.iter().zip(areas[1]).map(|(r, a)| r / a).collect();
+        let tried = tried - wanted.start;
+        let last = nodes.len().saturating_sub(1);
+        let step = last as f64 / (LOOKED_AT - 1) as f64;
+        let mut looked: Vec<usize> =
+            (0..LOOKED_AT).map(|k| (k as f64 * step).round() as usize).collect();
+        looked.push(tried);
+        looked.sort_unstable();
+        looked.dedup();
+        Some(Self { nodes, spectral, scrambles, mean, kept, straight, looked, tried })
     }
 
     /// Matrices of the patches that an epoch reads.
@@ -120,26 +153,92 @@ impl Orders {
     }
 
     /// The light between two ends, the Sun's or the Earth's and the observer's, at each wavelength.
-    pub fn light(&self, ends: [&End; 2], pairs: &Pairs, vectors: &mut Vectors) -> Vec<Found> {
+    pub fn light(
+        &self,
+        ends: [&End; 2],
+        pairs: &Pairs,
+        twice: &Twice,
+        vectors: &mut Vectors,
+    ) -> Vec<Found> {
         let factors = self.nodes.get(self.tried).map_or(0.0, |node| {
             node.brought(ends, vectors);
-            self.of_factors([&vectors.ends[0][1], &vectors.ends[1][1]])
+            self.of_factors(ends, [&vectors.ends[0], &vectors.ends[1]], twice)
+        });
+        let by_patches = [0, 1].map(|level| {
+            let [sun, eye] = ends.map(|end| &end.straight[level][..]);
+            if twice.is_counted { self.straight[level].by_materials(eye, sun) } else { Vec::new() }
         });
         let fine = self.spectral.between(ends);
-        let light = |(n, node): (usize, &Node)| {
+        let between = self.straight[0].between_rough(ends);
+        let mut paired = vec![0.0; pairs.sets.first().map_or(0, Vec::len)];
+        for set in &pairs.sets {
+            paired.iter_mut().zip(set).for_each(|(sum, w)| *sum += w);
+        }
+        let light = |n: usize| {
+            let node = &self.nodes[n];
             let (all, off) = self.spectral.at(n, &node.rho, &fine);
-            node.light(factors, ends, pairs, vectors, (all, off))
+            let known = node.known(twice, &by_patches);
+            // What rounding leaves below 0 is nothing.
+            let by_factors = (all - known.by_patches[0]).max(0.0);
+            let light = by_factors
+                + quadratic(&node.diffuse, &node.rho, &between)
+                + bilinear(&node.rho, &node.rho, &paired)
+                + known.light;
+            let factors = factors * by_factors + off + known.error;
+            (Found { light, left: 0.0, factors, chords: 0.0 }, known)
         };
-        self.nodes.iter().enumerate().map(light).collect()
+        let (mut found, known): (Vec<Found>, Vec<Known>) = (0..self.nodes.len()).map(light).unzip();
+        for &n in &self.looked {
+            self.nodes[n].look(ends, pairs, vectors, (&known[n], &paired), &mut found[n]);
+        }
+        for ends in self.looked.windows(2) {
+            let [a, b] = [found[ends[0]], found[ends[1]]];
+            for between in &mut found[ends[0] + 1..ends[1]] {
+                // What has light at neither end is as bad there.
+                let worse = |of: &dyn Fn(&Found) -> f64| {
+                    let one = |end: &Found| {
+                        let share = if end.light > 0.0 { between.light / end.light } else { 1.0 };
+                        share * of(end)
+                    };
+                    one(&a).max(one(&b))
+                };
+                (between.left, between.chords) = (worse(&|f| f.left), worse(&|f| f.chords));
+            }
+        }
+        found
     }
 
-    /// The claimed error of the form factors, relative.
-    fn of_factors(&self, [e, v]: [&[f64]; 2]) -> f64 {
-        let whole = transport::between(v, &self.mean, e);
+    /// The claimed error of the form factors, relative to the light that patches find: of what goes from patch to patch once (but between clear pairs) and twice.
+    fn of_factors(&self, ends: [&End; 2], [e, v]: [&[f64]; 2], twice: &Twice) -> f64 {
+        let [sun, eye] = ends.map(|end| &end.straight[1][..]);
+        let once = |s: &Matrix| {
+            let known = if twice.is_counted { self.straight[1].within(eye, s, sun) } else { 0.0 };
+            transport::between(v, s, e) - known
+        };
+        // After one exchange.
+        let gone = |x: &[f64]| {
+            let n = x.len();
+            let mut out = vec![0.0; n];
+            for (x, row) in
+                x.iter().zip(self.mean.chunks_exact(n.max(1))).filter(|(x, _)| **x != 0.0)
+            {
+                out.iter_mut().zip(row).for_each(|(o, s)| *o += x * s);
+            }
+            out.iter_mut().zip(&self.kept).for_each(|(o, kept)| *o *= kept);
+            out
+        };
+        let (after, before) = (gone(e), gone(v));
+        let more = |s: &Matrix| transport::between(v, s, &after);
+        let whole = once(&self.mean) + more(&self.mean);
         if whole <= 0.0 {
             return 0.0;
         }
-        let square: f64 = self.scrambles.iter().map(|s| transport::between(v, s, e).powi(2)).sum();
+        let all: Vec<f64> = e.iter().zip(&after).map(|(e, after)| e + after).collect();
+        let off = |s: &Matrix| {
+            let known = if twice.is_counted { self.straight[1].within(eye, s, sun) } else { 0.0 };
+            transport::between(v, s, &all) + transport::between(&before, s, e) - known
+        };
+        let square: f64 = self.scrambles.iter().map(|s| off(s).powi(2)).sum();
         CLAIMED * (square * of_mean()).sqrt() / whole
     }
 }
@@ -150,82 +249,181 @@ fn of_mean() -> f64 {
     1.0 / (n * (n - 1.0))
 }
 
+impl Straight {
+    /// Of the patches and of the larger ones, from what goes straight from patch to patch.
+    fn of(patched: &Patched, alone: &Matrix) -> [Self; 2] {
+        let Patched { patches, clear, .. } = patched;
+        let [fine, coarse] = patches.diffuse;
+        let mut surface = [vec![0; fine], vec![0; coarse]];
+        for (p, patch) in patches.list[..fine].iter().enumerate() {
+            let number = patches.cells[patch.cells].surface;
+            surface[0][p] = number;
+            surface[1][patch.coarse] = number;
+        }
+        let gathered = transport::gathered(alone, patches);
+        let mut matrices = [alone, &gathered].into_iter();
+        let mut open = patched.areas.iter();
+        surface.map(|surface| {
+            let (n, s) = (surface.len(), matrices.next().map_or(&[][..], |m| m));
+            let row = |p: usize| -> Vec<(u32, f32)> {
+                if clear.is_empty() {
+                    return Vec::new();
+                }
+                let partners = (0..n).filter(|q| clear.holds(surface[p], surface[*q]));
+                let with = |q: usize| (q as u32, s[p * n + q] as f32);
+                partners.map(with).filter(|(_, s)| *s > 0.0).collect()
+            };
+            Self {
+                rows: (0..n).map(row).collect(),
+                area: open.next().map_or(Vec::new(), |areas| areas[..n].to_vec()),
+                material: surface.iter().map(|k| clear.material(*k)).collect(),
+                materials: clear.materials.len(),
+            }
+        })
+    }
+
+    /// v S e/π for each material that is seen and each that is lit.
+    fn by_materials(&self, v: &[f64], e: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.materials * self.materials];
+        for (p, v) in v.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+            let row = &mut out[self.material[p] * self.materials..][..self.materials];
+            for (q, s) in &self.rows[p] {
+                let q = *q as usize;
+                row[self.material[q]] += FRAC_1_PI * v * f64::from(*s) * e[q];
+            }
+        }
+        out
+    }
+
+    /// Light that one diffuse patch alone scatters between rough surfaces, before all three reflectances: for each diffuse material, each channel of the observer's and of the Sun's.
+    fn between_rough(&self, [sun, eye]: [&End; 2]) -> Vec<Vec<f64>> {
+        let count = sun.gain.fine.len();
+        let mut out = vec![vec![0.0; count * count]; self.materials];
+        for (a, v) in eye.gain.fine.iter().enumerate() {
+            for (k, v) in v.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+                let scale = FRAC_1_PI * self.area[k] * v;
+                let row = &mut out[self.material[k]][a * count..][..count];
+                row.iter_mut().zip(&sun.gain.fine).for_each(|(sum, e)| *sum += scale * e[k]);
+            }
+        }
+        out
+    }
+
+    /// v S e of another matrix between clear pairs.
+    fn within(&self, v: &[f64], s: &Matrix, e: &[f64]) -> f64 {
+        let n = e.len();
+        let seen = v.iter().enumerate().filter(|(_, v)| **v != 0.0);
+        let row = |(p, v): (usize, &f64)| {
+            let one = |(q, _): &(u32, f32)| s[p * n + *q as usize] * e[*q as usize];
+            v * self.rows[p].iter().map(one).sum::<f64>()
+        };
+        seen.map(row).sum()
+    }
+}
+
+/// Light of clear pairs at a wavelength, and how much of it is in the sums over patches and over the larger ones.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    light: f64,
+    error: f64,
+    by_patches: [f64; 2],
+}
+
 impl Node {
-    /// The light at this wavelength; `all` is what goes between two diffuse patches, with its error.
-    fn light(
+    /// The light of clear pairs at this wavelength.
+    fn known(&self, twice: &Twice, by_patches: &[Vec<f64>; 2]) -> Known {
+        if !twice.is_counted {
+            return Known::default();
+        }
+        let sum = |row: &[f64]| bilinear(&self.diffuse, &self.diffuse, row);
+        Known {
+            light: sum(&twice.light),
+            error: sum(&twice.error),
+            by_patches: [0, 1].map(|level| sum(&by_patches[level])),
+        }
+    }
+
+    /// Finds how far larger patches are off, and how noisy lobes are.
+    fn look(
         &self,
-        factors: f64,
         ends: [&End; 2],
         pairs: &Pairs,
         vectors: &mut Vectors,
-        (all, off): (f64, f64),
-    ) -> Found {
+        (known, paired): (&Known, &[f64]),
+        found: &mut Found,
+    ) {
         self.brought(ends, vectors);
         let Vectors { ends: [sun, eye], rows } = vectors;
-        let straight = |level: usize| [&ends[0].straight[level], &ends[1].straight[level]];
-        let sets = || pairs.sets.iter().map(|set| self.paired(set));
-        let pair = sets().sum::<f64>();
-        let fine = all + self.once(0, [&sun[0], &eye[0]], straight(0)) + pair;
-        let large = transport::between(&eye[1], &self.coarse, &sun[1]);
-        let coarse = large + self.once(1, [&sun[1], &eye[1]], straight(1)) + pair;
-        let mut chords = 0.0;
-        if !self.rho.is_empty() {
-            let others = [(&*eye, &ends[1].straight), (&*sun, &ends[0].straight)];
-            for (row, (all, straight)) in rows.iter_mut().zip(others) {
-                row.resize(all[1].len(), 0.0);
-                transport::times(&all[1], &self.coarse, row);
-                for (k, q) in self.once[1].iter().enumerate() {
-                    row[k] += q * (all[1][k] - straight[1][k]);
-                }
-            }
-            let mut estimates = [0.0; SCRAMBLES];
-            for (k, (estimate, pair)) in estimates.iter_mut().zip(sets()).enumerate() {
-                *estimate = pair;
-                for (end, row) in ends.into_iter().zip(&*rows) {
-                    for (rho, gain) in self.rho.iter().zip(&end.gain.sets[k]) {
-                        *estimate += rho * gain.iter().zip(row).map(|(g, r)| g * r).sum::<f64>();
-                    }
-                }
-            }
-            let n = SCRAMBLES as f64;
-            let mean = estimates.iter().sum::<f64>() / n;
-            let square: f64 = estimates.iter().map(|e| (n * (e - mean)).powi(2)).sum();
-            chords = CLAIMED * (square * of_mean()).sqrt();
+        let straight = |end: usize| &ends[end].straight[1][..];
+        let large = transport::between(eye, &self.coarse, sun);
+        let large = (large - known.by_patches[1]).max(0.0) + known.light;
+        let coarse = large
+            + self.once([sun, eye], [straight(0), straight(1)])
+            + bilinear(&self.rho, &self.rho, paired);
+        found.left = (found.light - coarse).abs();
+        if self.rho.is_empty() {
+            return;
         }
-        Found { light: fine, left: (fine - coarse).abs(), factors: factors * fine + off, chords }
+        let others = [(&*eye, straight(1)), (&*sun, straight(0))];
+        for (row, (all, straight)) in rows.iter_mut().zip(others) {
+            row.resize(all.len(), 0.0);
+            transport::times(all, &self.coarse, row);
+            for (k, q) in self.once.iter().enumerate() {
+                row[k] += q * (all[k] - straight[k]);
+            }
+        }
+        let mut estimates = [0.0; SCRAMBLES];
+        for (k, (estimate, set)) in estimates.iter_mut().zip(&pairs.sets).enumerate() {
+            *estimate = bilinear(&self.rho, &self.rho, set);
+            for (end, row) in ends.into_iter().zip(&*rows) {
+                for (rho, gain) in self.rho.iter().zip(&end.gain.sets[k]) {
+                    *estimate += rho * gain.iter().zip(row).map(|(g, r)| g * r).sum::<f64>();
+                }
+            }
+        }
+        let n = SCRAMBLES as f64;
+        let mean = estimates.iter().sum::<f64>() / n;
+        let square: f64 = estimates.iter().map(|e| (n * (e - mean)).powi(2)).sum();
+        found.chords = CLAIMED * (square * of_mean()).sqrt();
     }
 
-    /// All that the ends bring to the patches and to the larger ones.
+    /// All that the ends bring to the larger patches.
     fn brought(&self, ends: [&End; 2], vectors: &mut Vectors) {
-        for (end, rooms) in ends.into_iter().zip(&mut vectors.ends) {
-            for (room, straight) in rooms.iter_mut().zip(&end.straight) {
-                room.clear();
-                room.extend_from_slice(straight);
-            }
-            let mut add = |level: usize, rho: f64, gain: &[f64]| {
-                rooms[level].iter_mut().zip(gain).for_each(|(r, g)| *r += rho * g);
-            };
+        for (end, room) in ends.into_iter().zip(&mut vectors.ends) {
+            room.clear();
+            room.extend_from_slice(&end.straight[1]);
             for (c, rho) in self.rho.iter().enumerate().take(end.gain.fine.len()) {
-                add(0, *rho, &end.gain.fine[c]);
-                end.gain.sets.iter().for_each(|set| add(1, *rho, &set[c]));
+                for set in &end.gain.sets {
+                    room.iter_mut().zip(&set[c]).for_each(|(r, g)| *r += rho * g);
+                }
             }
         }
     }
 
-    /// Returns the light that one diffuse patch alone scatters between rough surfaces.
-    fn once(&self, level: usize, [e, v]: [&[f64]; 2], [e0, v0]: [&Vec<f64>; 2]) -> f64 {
+    /// Returns the light that one of the larger diffuse patches alone scatters between rough surfaces.
+    fn once(&self, [e, v]: [&[f64]; 2], [e0, v0]: [&[f64]; 2]) -> f64 {
         if self.rho.is_empty() {
             return 0.0;
         }
         let more = |k: usize| (v[k] - v0[k]) * (e[k] - e0[k]);
-        self.once[level].iter().enumerate().map(|(k, q)| q * more(k)).sum()
+        self.once.iter().enumerate().map(|(k, q)| q * more(k)).sum()
     }
+}
 
-    /// Returns the light that is scattered twice, by a rough surface at least once.
-    fn paired(&self, pairs: &[f64]) -> f64 {
-        let n = self.rho.len();
-        pairs.iter().enumerate().map(|(k, w)| self.rho[k / n] * self.rho[k % n] * w).sum()
-    }
+/// Σ a b m over the rows of a matrix and its columns.
+fn bilinear(a: &[f64], b: &[f64], matrix: &[f64]) -> f64 {
+    let row = |row: &[f64]| row.iter().zip(b).map(|(m, b)| m * b).sum::<f64>();
+    matrix.chunks_exact(b.len().max(1)).zip(a).map(|(m, a)| a * row(m)).sum()
+}
+
+/// The same of the first channels of both, for each diffuse material.
+fn quadratic(diffuse: &[f64], rho: &[f64], matrices: &[Vec<f64>]) -> f64 {
+    let each = |matrix: &Vec<f64>| {
+        // As many channels as rough surfaces have.
+        let count = matrix.len().isqrt();
+        bilinear(&rho[..count], &rho[..count], matrix)
+    };
+    diffuse.iter().zip(matrices).map(|(d, matrix)| d * each(matrix)).sum()
 }
 
 /// Returns the reflectances of the diffuse patches and of the larger ones.

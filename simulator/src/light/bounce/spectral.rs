@@ -118,22 +118,23 @@ impl Spectral {
 
     /// The light between two diffuse patches at a wavelength where the channels have these reflectances, with its error.
     pub fn at(&self, node: usize, rho: &[f64], products: &Products) -> (f64, f64) {
-        let [suns, eyes] = products.channels;
-        let weight = |channel: usize| channel.checked_sub(1).map_or(1.0, |c| rho[c]);
-        let through = |each: &Vec<f64>| -> f64 {
-            let pairs = (0..eyes).flat_map(|a| (0..suns).map(move |b| (a, b)));
-            pairs.map(|(a, b)| weight(a) * weight(b) * each[a * suns + b]).sum()
+        let [suns, _] = products.channels;
+        // What comes straight, then each channel.
+        let through = |each: &[f64]| -> f64 {
+            let of_suns = |row: &[f64]| {
+                let more = rho.iter().zip(&row[1..]).map(|(r, x)| r * x);
+                row[0] + more.sum::<f64>()
+            };
+            let mut rows = each.chunks_exact(suns);
+            let straight = rows.next().map_or(0.0, of_suns);
+            straight + rho.iter().zip(rows).map(|(r, row)| r * of_suns(row)).sum::<f64>()
         };
-        let mut light = 0.0;
-        let mut mean = 0.0;
-        for (k, (each, factor)) in products.each.iter().zip(&self.mix[node]).enumerate() {
-            let through = through(each);
-            light += factor * through;
-            if k == 0 {
-                mean = through;
-            }
+        let Some(first) = products.each.first() else { return (0.0, 0.0) };
+        let mut all = vec![0.0; first.len()];
+        for (each, factor) in products.each.iter().zip(&self.mix[node]) {
+            all.iter_mut().zip(each).for_each(|(all, x)| *all += factor * x);
         }
-        (light.max(0.0), self.off[node] * mean)
+        (through(&all).max(0.0), self.off[node] * through(first))
     }
 }
 

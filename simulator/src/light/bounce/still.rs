@@ -3,6 +3,7 @@
 use super::BounceOptions;
 use super::bound::Bound;
 use super::cast::Caster;
+use super::clear::Clear;
 use super::draft::Draft;
 use super::nodes::Nodes;
 use super::optics::Optics;
@@ -48,13 +49,15 @@ pub struct Effort {
     pub patches: usize,
     /// Directions for which materials are asked at most.
     pub asked: usize,
+    /// Pairs of surfaces whose exchange is exact at most.
+    pub clear: usize,
     /// Error that patches with lobes may state where they do not meet the tolerance, as a share of the error that paths would state.
     pub of_paths: f64,
 }
 
 impl Effort {
     /// For the Sun: a few milliseconds.
-    pub const SUN: Self = Self { patches: 640, asked: 20_000, of_paths: 0.5 };
+    pub const SUN: Self = Self { patches: 640, asked: 20_000, clear: 200, of_paths: 0.5 };
     /// For the Sun, with so many light paths to spare.
     pub fn of_sun(paths: u32) -> Self {
         let times = |usual: u32| f64::from(paths) / f64::from(usual);
@@ -64,7 +67,7 @@ impl Effort {
     }
 
     /// For each of the Earth's directions: some 50 µs.
-    pub const EARTH: Self = Self { patches: 100, asked: 800, of_paths: f64::INFINITY };
+    pub const EARTH: Self = Self { patches: 100, asked: 800, clear: 0, of_paths: f64::INFINITY };
 }
 
 /// Preparation that is done once.
@@ -77,6 +80,10 @@ pub struct Still {
     claim: Claim,
     /// The paths of what is left, where there is anything.
     rest: Option<Arc<Plan>>,
+    /// The paths of all light, where the budget holds so many that they may know it better than patches do.
+    beyond: Option<Arc<Plan>>,
+    /// How many times the light paths of an epoch would have to be more to know it as well as patches do.
+    as_good: f64,
 }
 
 impl Still {
@@ -107,6 +114,7 @@ impl Still {
         let area: f64 = active.iter().map(|k| surfaces.list[*k].area).sum();
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let node = brightest(&optics, surfaces, active);
+        let clear = Arc::new(Clear::new(surfaces, &diffuse, scene.touching_m, effort.clear));
         let pieces = |of: &[usize]| split::pieces(&surfaces.list, of, scene.touching_m);
         let (diffuse, rough) = (pieces(&diffuse)?, pieces(&rough)?);
         let cells = |size: f64| Patches::new([&diffuse, &rough], size);
@@ -119,8 +127,15 @@ impl Still {
             if patches.list.len() > effort.patches && size < first {
                 return None;
             }
-            let mut draft =
-                Draft::new(scene, surfaces, patches, &caster, &optics, (node, nodes.nm.len()));
+            let mut draft = Draft::new(
+                scene,
+                surfaces,
+                patches,
+                &caster,
+                &optics,
+                (node, nodes.nm.len()),
+                clear.clone(),
+            );
             let (mut rays, mut chords) = (LEAST_RAYS, LEAST_CHORDS);
             draft.shoot(rays, chords, seed);
             let mut look = draft.look(pilot);
@@ -159,9 +174,13 @@ impl Still {
             if stated > options.tolerance.max(of_paths * by_paths) {
                 return None;
             }
-            let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));
+            let plan = || Plan::new(surfaces.clone(), active.clone(), nodes, options);
+            let rest = draft.leaves_a_rest().then(|| Arc::new(plan().of_rest()));
+            let as_good = (by_paths / stated.max(f64::MIN_POSITIVE)).powi(2);
+            let beyond = (as_good < 1.0 && effort.clear > 0).then(|| Arc::new(all));
             let (patched, orders) = draft.finish(nodes)?;
-            return Some(Self { nodes: nodes.clone(), patched, orders, rays, claim, rest });
+            let nodes = nodes.clone();
+            return Some(Self { nodes, patched, orders, rays, claim, rest, beyond, as_good });
         }
     }
 
@@ -175,8 +194,18 @@ impl Still {
             directions => format!(", lobes along {directions} directions"),
         };
         let rest = if self.rest.is_some() { ", light paths between lobes" } else { "" };
+        let beyond = match self.beyond {
+            Some(_) => ", light paths where that misses the tolerance".into(),
+            None if self.as_good.is_finite() && self.as_good > 1.0 => {
+                format!(
+                    ", light paths would know it better from {:.0} times the budget on",
+                    self.as_good.ceil()
+                )
+            }
+            None => String::new(),
+        };
         format!(
-            "{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each{rough}{rest}"
+            "{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each{rough}{rest}{beyond}"
         )
     }
 
@@ -202,24 +231,30 @@ pub struct StillLight<'a> {
     still: Arc<Still>,
     views: Views<'a>,
     rest: Option<Box<Tracing<'a>>>,
+    beyond: Option<Box<Tracing<'a>>>,
 }
 
 impl<'a> StillLight<'a> {
     pub fn new(scene: &'a Scene, still: Arc<Still>) -> Self {
-        let rest = still.rest.as_ref().map(|plan| Box::new(Tracing::new(scene, plan.clone())));
-        Self { views: still.views(scene), rest, still }
+        let paths = |plan: &Arc<Plan>| Box::new(Tracing::new(scene, plan.clone()));
+        let (rest, beyond) = (still.rest.as_ref().map(paths), still.beyond.as_ref().map(paths));
+        Self { views: still.views(scene), rest, beyond, still }
     }
 
     /// Adds weights and errors.
     pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
         let found = self.still.found(&mut self.views, &[(sun, 1.0)], eye);
+        let (mut light, mut off): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
         if let Some(rest) = &mut self.rest {
-            let beside: Vec<f64> = found.iter().map(|f| f.0).collect();
-            rest.add((sun, eye), Some(&beside), weights, errors);
+            let beside = light.clone();
+            rest.add((sun, eye), Some(&beside), &mut light, &mut off);
         }
-        for (s, (light, error)) in found.into_iter().enumerate() {
-            weights[s] += light;
-            errors[s] += error;
+        if let Some(beyond) = &mut self.beyond {
+            beyond.improve((sun, eye), &mut light, &mut off);
+        }
+        for s in 0..light.len() {
+            weights[s] += light[s];
+            errors[s] += off[s];
         }
     }
 }

@@ -128,6 +128,56 @@ impl<'a> Tracing<'a> {
     }
 }
 
+/// Paths take the place of what is known otherwise where they claim less than this share of its error.
+const BETTER: f64 = 0.8;
+
+impl Tracing<'_> {
+    /// Puts the light of paths in the place of light that is known otherwise, where that misses the tolerance of all light and paths know it better: as many as the tolerance asks
+    /// for and the budget holds. None are traced on where those so far say that all would not be enough.
+    pub fn improve(&mut self, (sun, eye): (DVec3, Toward), light: &mut [f64], errors: &mut [f64]) {
+        let plan = self.plan.clone();
+        let direct = self.thread.direct(sun, eye).unwrap_or_else(|| vec![0.0; light.len()]);
+        let all: Vec<f64> = direct.iter().zip(&*light).map(|(d, l)| d + l).collect();
+        if errors.iter().zip(&all).all(|(e, all)| *e <= plan.tolerance * all) {
+            return;
+        }
+        self.thread.turn(sun);
+        let nodes = light.len();
+        let mut sums = Sums::new(nodes);
+        let mut paths = self.thread.paths(&plan.active, plan.rest, plan.seed);
+        let known: f64 = errors.iter().sum();
+        let mut until = LEAST;
+        loop {
+            paths.trace(sun, eye, until, &mut sums);
+            let sigma = (0..nodes).map(|s| sums.bounced(s).1).sum::<f64>();
+            let enough = (0..nodes).all(|s| {
+                let claimed = CLAIMED * sums.bounced(s).1 + sums.missing();
+                claimed <= OF_TOLERANCE * plan.tolerance * all[s]
+            });
+            if enough || until >= plan.most_points {
+                break;
+            }
+            if plan.claimed(sigma, until) > BETTER * known {
+                return;
+            }
+            until *= 2;
+        }
+        let claimed = |s: usize| {
+            let (mean, sigma) = sums.bounced(s);
+            CLAIMED * sigma + sums.missing() + plan.nodes.error * mean
+        };
+        if (0..nodes).map(claimed).sum::<f64>() > BETTER * known {
+            return;
+        }
+        for s in 0..nodes {
+            let (mean, _) = sums.bounced(s);
+            // Where the two exclude each other, neither is believed alone.
+            let apart = (mean - light[s]).abs() - errors[s];
+            (light[s], errors[s]) = (mean, claimed(s).max(apart));
+        }
+    }
+}
+
 /// The singly scattered light at the nodes.
 #[derive(Debug)]
 pub struct Direct<'a> {

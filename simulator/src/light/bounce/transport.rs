@@ -310,12 +310,10 @@ pub fn solve(s: &Matrix, area: &[f64], rho: &[f64]) -> Option<Matrix> {
         return None;
     }
     // (I − C)⁻¹ − I = (I − C)⁻¹ C: no difference of nearly equal numbers where little is bounced.
-    let mut q = vec![0.0; n * n];
-    let mut column = vec![0.0; n];
-    for k in 0..n {
-        (0..n).for_each(|p| column[p] = c(p, k));
-        substitute(&factor, n, &mut column);
-        (0..n).for_each(|p| q[p * n + k] = outer[p] * column[p] * outer[k]);
+    let mut q: Matrix = (0..n * n).map(|k| c(k / n, k % n)).collect();
+    substitute(&factor, n, &mut q);
+    for (row, a) in q.chunks_mut(n.max(1)).zip(&outer) {
+        row.iter_mut().zip(&outer).for_each(|(q, b)| *q *= a * b);
     }
     for p in 0..n {
         for k in 0..p {
@@ -345,15 +343,27 @@ fn cholesky(a: &mut Matrix, n: usize) -> bool {
     true
 }
 
+/// All columns of x at once, row by row.
 fn substitute(l: &Matrix, n: usize, x: &mut [f64]) {
     for p in 0..n {
-        x[p] = (x[p] - dot(&l[p * n..p * n + p], &x[..p])) / l[p * n + p];
+        let (above, row) = x.split_at_mut(p * n);
+        let row = &mut row[..n];
+        for (a, other) in l[p * n..p * n + p].iter().zip(above.chunks_exact(n)) {
+            if *a != 0.0 {
+                row.iter_mut().zip(other).for_each(|(x, o)| *x -= a * o);
+            }
+        }
+        row.iter_mut().for_each(|x| *x /= l[p * n + p]);
     }
     for p in (0..n).rev() {
-        x[p] /= l[p * n + p];
-        let value = x[p];
-        let (before, _) = x.split_at_mut(p);
-        before.iter_mut().zip(&l[p * n..p * n + p]).for_each(|(x, a)| *x -= a * value);
+        let (above, row) = x.split_at_mut(p * n);
+        let row = &mut row[..n];
+        row.iter_mut().for_each(|x| *x /= l[p * n + p]);
+        for (a, other) in l[p * n..p * n + p].iter().zip(above.chunks_exact_mut(n)) {
+            if *a != 0.0 {
+                other.iter_mut().zip(&*row).for_each(|(o, x)| *o -= a * x);
+            }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Light that one end of all paths, Sun, Earth or observer, gives to patches or sees of them.
 
 use super::chords::{Chords, Gain, Pairs, Weights};
+use super::clear::{Clear, Twice};
 use super::orders::{Found, Orders, Vectors};
 use super::patches::{Patches, Room};
 use super::surfaces::Surfaces;
@@ -8,6 +9,7 @@ use crate::light::clip::P2;
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Least open share of a patch that counts as all of it.
 const WHOLE: f64 = 1.0 - 1e-9;
@@ -20,6 +22,7 @@ pub struct Patched {
     /// Areas of the patches and of the larger ones outside of other bodies, m².
     pub areas: [Vec<f64>; 2],
     pub chords: Chords,
+    pub clear: Arc<Clear>,
 }
 
 /// Share of each patch and larger patch that is open to an end, times the cosine, of what is open at all.
@@ -32,8 +35,11 @@ pub struct Shares {
     cosine: Vec<f64>,
     /// Whether only a part of a patch is open.
     partly: Vec<bool>,
+    /// The cosine at each surface that is open to an end (0: closed; towards a near end with its scale), and whether all of it is.
+    pub facing: Vec<f64>,
+    pub whole: Vec<bool>,
     /// Open part of each surface that is partly hidden, in its axes.
-    open: Vec<Vec<Vec<P2>>>,
+    pub open: Vec<Vec<Vec<P2>>>,
     /// Light that rough surfaces send along their directions.
     pub weights: Weights,
 }
@@ -49,6 +55,8 @@ impl Shares {
             coarse: vec![0.0; coarse],
             cosine: vec![0.0; fine],
             partly: vec![false; fine],
+            facing: vec![0.0; patched.surfaces.list.len()],
+            whole: vec![false; patched.surfaces.list.len()],
             open: vec![Vec::new(); patched.surfaces.list.len()],
             weights: Weights::default(),
         }
@@ -93,9 +101,10 @@ impl<'a> Viewer<'a> {
         patched.chords.ask(patched, toward, sends, &mut shares.weights);
         let Patched { surfaces, patches, areas, .. } = patched;
         shares.toward = toward;
-        let Shares { fine, coarse, cosine, partly, open: rings, .. } = shares;
+        let Shares { fine, coarse, cosine, partly, facing, whole, open: rings, .. } = shares;
         fine.fill(0.0);
         coarse.fill(0.0);
+        facing.fill(0.0);
         self.evaluator.prepare(toward);
         for list in patches.of_surfaces() {
             let surface = &surfaces.list[list[0].surface];
@@ -109,11 +118,22 @@ impl<'a> Viewer<'a> {
                 continue;
             }
             let rings = &mut rings[list[0].surface];
+            facing[list[0].surface] = match toward {
+                Toward::Far(_) => height,
+                Toward::Near(q) => {
+                    let away = (q - surface.origin).length();
+                    height / away * (q.length() / away).powi(2)
+                }
+            };
+            whole[list[0].surface] = false;
             match self.evaluator.open(surface.number, toward) {
-                None => own().for_each(|p| {
-                    fine[p] = patches.list[p].area;
-                    partly[p] = false;
-                }),
+                None => {
+                    whole[list[0].surface] = true;
+                    own().for_each(|p| {
+                        fine[p] = patches.list[p].area;
+                        partly[p] = false;
+                    });
+                }
                 Some(open) => {
                     rings.clear();
                     rings.extend(open.iter().map(<[P2]>::to_vec));
@@ -186,6 +206,7 @@ pub struct Views<'a> {
     shares: [Shares; 2],
     ends: [End; 2],
     pairs: Pairs,
+    twice: Twice,
     vectors: Vectors,
 }
 
@@ -197,6 +218,7 @@ impl<'a> Views<'a> {
             shares: [shares.clone(), shares],
             ends: [end.clone(), end],
             pairs: Pairs::new(&patched.chords),
+            twice: Twice::default(),
             vectors: Vectors::default(),
         }
     }
@@ -216,11 +238,14 @@ impl<'a> Views<'a> {
         to.add(patched, of_eye, 1.0);
         sun.clear();
         self.pairs.clear();
+        self.twice.clear(&patched.clear, eye);
         for &(toward, weight) in from {
             self.viewer.look(patched, Toward::Far(toward), true, of_sun);
             sun.add(patched, of_sun, weight);
             patched.chords.pairs(patched, [of_sun, of_eye], weight, &mut self.pairs);
+            let ends = [&*of_sun, &*of_eye];
+            patched.clear.add(&patched.surfaces, ends, weight, &mut self.twice);
         }
-        orders.light([sun, to], &self.pairs, &mut self.vectors)
+        orders.light([sun, to], &self.pairs, &self.twice, &mut self.vectors)
     }
 }
