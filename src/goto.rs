@@ -134,7 +134,7 @@ impl GotoArgs {
 /// Goes there.
 ///
 /// # Errors
-/// What is not safe, a mount that does not do what it is told, frames that tell no place.
+/// A way that is not safe, a mount that does not do what it is told, frames that tell no place.
 pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     args.check()?;
     let station = args.station.get()?;

@@ -169,13 +169,13 @@ impl Block {
         self.kind >> 4 & 0x3f
     }
 
-    /// What data and their parameters have in common.
+    /// Kind that data and their parameters have in common.
     fn of(self) -> (u32, u32, u32, u32) {
         (self.kind & 3, self.kind >> 2 & 3, self.kind >> 10 & 0x7f, self.kind >> 17)
     }
 }
 
-/// What a block of parameters says of data.
+/// Parameters of data in a block.
 #[derive(Debug, Default)]
 struct Status {
     points: Option<i32>,

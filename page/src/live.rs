@@ -19,7 +19,7 @@ use sunglint_observatory::{Schedule, Slot};
 use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::Station;
 
-/// What a page may ask for.
+/// The words of a page's commands.
 const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, lock, keep, jog, halt, park or follow";
 /// Time that a command may take.
 const COMMAND: Wait = Wait::from_secs(2);

@@ -152,7 +152,7 @@ fn kind(name: &str) -> Option<LobeKind> {
     })
 }
 
-/// What a material does at a wavelength.
+/// A material at a wavelength.
 #[pyfunction]
 #[pyo3(signature = (material, wavelength_nm, phi_i_deg=0.0))]
 fn show_material(

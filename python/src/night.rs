@@ -63,7 +63,7 @@ fn observe_virtual(
     })
 }
 
-/// What of a recorded session is there.
+/// Check of what is there of a recorded session.
 #[pyfunction]
 fn check_session(py: Python<'_>, folder: PathBuf) -> PyResult<(Outcome, bool)> {
     run(py, None, move |_| {

@@ -1,4 +1,4 @@
-//! What a curve says about a body: folded, unmixed, mapped, its spin.
+//! A curve read for its body: folded, unmixed, mapped, its spin.
 
 use crate::product::Outcome;
 use crate::sky::AirModel;

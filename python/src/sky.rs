@@ -1,4 +1,4 @@
-//! What stands in the sky: stars, the air, passes of satellites.
+//! The sky: stars, the air, passes of satellites.
 
 use crate::body::target;
 use crate::product::Outcome;

@@ -30,7 +30,7 @@ pub fn unknown(what: &str, given: &str, known: &str) -> Failure {
     format!("{what} is `{given}`, expected {known}").into()
 }
 
-/// What must be given.
+/// A value that must be given.
 pub fn needed<T>(name: &str, value: Option<T>) -> Result<T, Failure> {
     value.ok_or_else(|| format!("{name} is missing").into())
 }

@@ -125,7 +125,7 @@ pub struct MaterialBudget {
     pub median: f64,
     /// The largest.
     pub largest: f64,
-    /// Of all the light, if all of it is off alike, and so of the scale. It is in no uncertainty of the scale: more samples do not make it less.
+    /// Share of all the light, if all of it is off alike, and so of the scale. It is in no uncertainty of the scale: more samples do not make it less.
     pub of_scale: f64,
 }
 

@@ -31,7 +31,7 @@ pub enum SolverError {
     Sources(#[from] PhotometryError),
 }
 
-/// What is known of a frame before.
+/// Facts about a frame that are known before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hint {
     /// When it was taken.
@@ -45,7 +45,7 @@ pub struct Hint {
 pub struct Looked {
     /// Points that were found, or trails where stars are trailed.
     pub sources: usize,
-    /// Its place; `None` where no pattern is beyond chance.
+    /// Place of the frame; `None` where no pattern is beyond chance.
     pub solved: Option<Solved>,
 }
 

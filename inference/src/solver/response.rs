@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 /// Two-sided 95 % of a normal distribution.
 const Z95: f64 = 1.959_963_984_540_054;
 
-/// What a change of the data does to the parameters at the minimum, to first order.
+/// Response of the parameters at the minimum to a change of the data, to first order.
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub whitener: Whitener,

@@ -6,7 +6,7 @@ use hifitime::Epoch;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What a person wants the mount to do.
+/// A person's wish for the mount.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Want {
     /// It follows the plan.
@@ -38,7 +38,7 @@ impl Steering {
         Self { orders, camera, sights, want, again, follows }
     }
 
-    /// What is wanted.
+    /// The wish as it stands.
     pub fn want(&self) -> Want {
         *self.want.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -122,11 +122,11 @@ pub type Look<'a> = dyn FnMut(&Cancel) -> Result<Looks, String> + 'a;
 pub struct Goto<'a> {
     /// Site of the telescope.
     pub site: &'a Site,
-    /// What it may point at.
+    /// Limits of where it may point.
     pub guard: &'a Guard,
     /// The mount.
     pub mount: &'a mut dyn Mount,
-    /// Its clock.
+    /// Clock of the mount.
     pub clock: DeviceClock,
     /// How.
     pub options: GotoOptions,

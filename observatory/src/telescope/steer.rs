@@ -1,4 +1,4 @@
-//! What a person asks of a tracker while it follows.
+//! Orders of a person to a tracker while it follows.
 
 use hifitime::Epoch;
 use std::collections::VecDeque;

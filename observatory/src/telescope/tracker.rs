@@ -131,7 +131,7 @@ pub struct TrackStep {
     pub sun_deg: f64,
     /// Altitude of the mount's direction, deg.
     pub altitude_deg: f64,
-    /// Its azimuth, deg.
+    /// Azimuth of the mount's direction, deg.
     pub azimuth_deg: f64,
 }
 

@@ -40,13 +40,13 @@ const UNEVEN: f64 = 4.0;
 #[derive(Debug, Clone)]
 struct Pair {
     surfaces: [usize; 2],
-    /// Of each the line beyond which it lies before the other, in its axes; `None` where all of it does.
+    /// The line of each beyond which it lies before the other, in its axes; `None` where all of it does.
     front: [Option<[f64; 3]>; 2],
     /// Area times form factor of all that each has before the other, m², and its error.
     whole: (f64, f64),
 }
 
-/// What is scattered twice by clear pairs: for each diffuse material that is seen and each that is lit, before both reflectances, m² sr⁻¹.
+/// Light that clear pairs scatter twice: for each diffuse material that is seen and each that is lit, before both reflectances, m² sr⁻¹.
 #[derive(Debug, Clone, Default)]
 pub struct Twice {
     /// Whether clear pairs are counted here: not where the observer is very near.
@@ -164,7 +164,7 @@ impl Twice {
 }
 
 impl Pair {
-    /// What is open of one of the two and lies before the other, in the body's axes.
+    /// The open part of one of the two and lies before the other, in the body's axes.
     fn rings(&self, surfaces: &Surfaces, which: usize, shares: &Shares, out: &mut Vec<Vec<DVec3>>) {
         let number = self.surfaces[which];
         let surface = &surfaces.list[number];

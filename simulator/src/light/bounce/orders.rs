@@ -38,7 +38,7 @@ pub struct Orders {
     mean: Matrix,
     /// ρ/A of the larger patches at the node of which these are.
     kept: Vec<f64>,
-    /// What goes straight between clear pairs, of the patches and of the larger ones.
+    /// Light that goes straight between clear pairs, of the patches and of the larger ones.
     straight: [Straight; 2],
     /// The nodes at which errors are found, increasing; the first and the last are among them.
     looked: Vec<usize>,
@@ -250,7 +250,7 @@ fn of_mean() -> f64 {
 }
 
 impl Straight {
-    /// Of the patches and of the larger ones, from what goes straight from patch to patch.
+    /// Light of the patches and of the larger ones, from what goes straight from patch to patch.
     fn of(patched: &Patched, alone: &Matrix) -> [Self; 2] {
         let Patched { patches, clear, .. } = patched;
         let [fine, coarse] = patches.diffuse;

@@ -126,7 +126,7 @@ enum About {
 pub struct Slice {
     /// Unit vector to the light.
     pub i: DVec3,
-    /// Its angle from the normal, radians.
+    /// Angle from the normal, radians.
     theta: f64,
     kind: Kind,
 }
