@@ -505,6 +505,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "calibrate",
         "apply",
         "fit",
+        // Where the materials are known to so much only.
+        "of_scale",
         // Of magnitudes alone, and where samples are left out.
         "white_noise_mag",
         "mean_mag",
@@ -545,7 +547,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "map",
         // Values of keys.
         "auto",
+        "astm",
         "fred",
+        "merl",
+        "rgl",
+        "utia",
         "not_decided",
         "single",
         "zemax",

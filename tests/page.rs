@@ -799,6 +799,22 @@ fn star_at(browser: &mut Browser) -> Option<[f64; 2]> {
     Some([at[0].as_f64()?, at[1].as_f64()?])
 }
 
+/// Waits until the star stands still in four frames, and gives its place.
+fn settled(browser: &mut Browser) -> [f64; 2] {
+    let limit = Instant::now() + Duration::from_secs(60);
+    let mut seen: Vec<[f64; 2]> = Vec::new();
+    loop {
+        assert!(Instant::now() < limit, "the star does not stand still: {seen:?}");
+        let Some(at) = star_at(browser).filter(|at| seen.last() != Some(at)) else { continue };
+        seen.push(at);
+        let still = seen.iter().rev().take(4);
+        let off = |from: &[f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]);
+        if seen.len() >= 4 && still.map(off).fold(0.0, f64::max) < 3.0 {
+            return at;
+        }
+    }
+}
+
 /// Waits until the star stands at a place of the frame within 4 px, in three frames.
 fn star_stands(browser: &mut Browser, place: [f64; 2]) {
     let (limit, mut near, mut last) = (Instant::now() + Duration::from_secs(60), 0, None);
@@ -861,12 +877,7 @@ for_s = 300
     );
     // A lock comes before the light stands still.
     browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'locked' && d.mount.seen_arcsec !== null && d.mount.seen_arcsec < 2) && sunglint.frame.header.size_px[0] === 300");
-    std::thread::sleep(Duration::from_secs(2));
-    let first = loop {
-        if let Some(at) = star_at(&mut browser) {
-            break at;
-        }
-    };
+    let first = settled(&mut browser);
     // This light is the target; nothing changes.
     browser.click("#mount-lock");
     let at = on_screen(&mut browser, first);

@@ -103,7 +103,7 @@ pub(crate) fn sums_of_a_stretch(
         time_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
     let (middle, span) = (0.5 * (from + to), (to - from).max(0.0));
     let every = (1.0 / (FINE * span * grid.step_hz)).min(grid.n as f64).floor();
-    if !(every >= WORTH) {
+    if every.is_nan() || every < WORTH {
         let all = sums(time_s, &[coefficients], grid).pop();
         return all.unwrap_or(Sums { cos: vec![0.0; grid.n], sin: vec![0.0; grid.n] });
     }

@@ -180,10 +180,11 @@ pub fn read(calibration: &Path, curve: &Path) -> Result<ApplyInput, ApplyError> 
     let (table, calibration_input) = read_table(calibration)?;
     let nights = Nights::from_table(calibration, &table)?;
     let (table, curve_input) = read_table(curve)?;
-    let linear = LightCurve::from_table(curve, &table)?;
+    let mut linear = LightCurve::from_table(curve, &table)?;
     if linear.kind != RateKind::Linear {
         return Err(ApplyError::NotLinear { path: curve.to_path_buf(), kind: linear.kind });
     }
+    linear.sort();
     Ok(ApplyInput { nights, curve: linear, files: [calibration_input, curve_input] })
 }
 

@@ -41,7 +41,7 @@ impl Placed {
     }
 
     /// Place on the sensor from its middle, px, of a place in the frame, whose first pixel's middle is 0, 0.
-    fn from_middle(&self, at_px: [f64; 2], sensor_px: [f64; 2]) -> [f64; 2] {
+    fn beside_middle(&self, at_px: [f64; 2], sensor_px: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|i| {
             // The first pixel's middle lies half a pixel from the edge.
             let at = f64::from(self.origin[i]) + (at_px[i] + 0.5) * f64::from(self.binning[i]);
@@ -100,7 +100,7 @@ impl Sights {
     pub fn see(&self, frame: &Frame, sensor_px: [u32; 2]) {
         let (placed, sensor) = (Placed::of(frame), sensor_px.map(f64::from));
         let spots = lights(frame.pixels.view()).into_iter().map(|light| Spot {
-            offset_arcsec: self.view.offset_arcsec(placed.from_middle(light.at_px, sensor)),
+            offset_arcsec: self.view.offset_arcsec(placed.beside_middle(light.at_px, sensor)),
             flux: light.flux_adu / frame.exposure_s.max(1e-6),
         });
         let seen = FinderFrame { middle: placed.middle(), spots: spots.collect() };
@@ -133,7 +133,7 @@ impl Sights {
         if !(inside(0) && inside(1)) {
             return Err("that place lies outside of the frame".into());
         }
-        let from_middle = placed.from_middle(place_px, self.sensor_px());
+        let from_middle = placed.beside_middle(place_px, self.sensor_px());
         Ok((placed.middle(), self.view.offset_arcsec(from_middle)))
     }
 
