@@ -82,7 +82,7 @@ mod tests {
     /// Truth: the index of the database's own reader: plane · nr · nc + nc (48 θ_i + φ_i) + 48 θ_v + φ_v with nr = nc = 288. Every value is its own place (synthetic).
     #[test]
     fn values_lie_where_the_databases_reader_looks() {
-        let value_per_sr: Vec<f64> = (0..3 * 288 * 288).map(|k| f64::from(k)).collect();
+        let value_per_sr: Vec<f64> = (0..3 * 288 * 288).map(f64::from).collect();
         let file = UtiaBrdf { value_per_sr };
         let bytes = file.to_bytes();
         assert!(is_utia(&bytes) && !is_utia(&bytes[8..]));

@@ -1,4 +1,5 @@
 //! Places that the virtual telescope goes to, corrected by where its frames look.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use glam::DVec3;
 use hifitime::{Epoch, Unit};

@@ -7,7 +7,7 @@ const BYTES: usize = 8 * 3 * 288 * 288;
 /// Tries one input.
 pub fn run(bytes: &[u8]) {
     assert!(UtiaBrdf::from_bytes("x", bytes).is_err() || bytes.len() == BYTES);
-    if bytes.is_empty() || bytes.len() % 64 != 0 {
+    if bytes.is_empty() || !bytes.len().is_multiple_of(64) {
         return;
     }
     let long: Vec<u8> = bytes.iter().copied().cycle().take(BYTES).collect();

@@ -236,7 +236,9 @@ impl<'a> Comparison<'a> {
         let doubts = material
             .as_ref()
             .map(|doubt| measured.quantity.material(doubt, &simulation, &measured.channels));
-        let columns: Vec<(Vec<f64>, Vec<f64>, Option<Vec<f64>>)> = (0..measured.channels.len())
+        // Light, its error, and the doubt of the materials.
+        type Columns = (Vec<f64>, Vec<f64>, Option<Vec<f64>>);
+        let columns: Vec<Columns> = (0..measured.channels.len())
             .map(|c| {
                 let simulated = all(&|k| means.values[[k, c]]);
                 let share = |k: usize| {

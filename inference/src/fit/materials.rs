@@ -10,14 +10,17 @@ use ndarray::Array2;
 /// Half of a 95 % interval in standard deviations.
 const Z95: f64 = 1.959_963_984_540_054;
 
+/// A material, and what its doubt makes of the light of each curve, `[sample, channel]`.
+pub(super) type Doubts = (String, Vec<Array2<f64>>);
+
 /// One standard deviation of the light of each curve by the doubt of each material that says how well it is known, at what was found; all directions of a material are off alike, in all curves.
 pub(super) fn doubts(
     curves: &[CurveOfScene],
     scenes: &[FittedScene],
     fit: &Fit,
     channels: &[String],
-) -> Result<Vec<(String, Vec<Array2<f64>>)>, PassFitError> {
-    let mut found: Vec<(String, Vec<Array2<f64>>)> = Vec::new();
+) -> Result<Vec<Doubts>, PassFitError> {
+    let mut found: Vec<Doubts> = Vec::new();
     let nothing = || fit.curves.iter().map(|c| Array2::zeros(c.model.raw_dim())).collect();
     for (k, curve) in curves.iter().enumerate() {
         let name = curve.measured.name();

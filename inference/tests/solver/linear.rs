@@ -212,7 +212,7 @@ fn errors_of_calibration_do_not_average_out_within_a_night() {
 fn the_doubt_of_a_material_goes_where_least_squares_take_it() {
     let n = 200;
     let rate = |c: usize| if c == 0 { 100.0 } else { 50.0 };
-    let ripple = |i: usize| if i % 2 == 0 { 0.5 } else { -0.5 };
+    let ripple = |i: usize| if i.is_multiple_of(2) { 0.5 } else { -0.5 };
     // Epochs × channels × components.
     let apart = Array3::from_shape_fn((n, 2, 2), |(_, c, k)| if c == k { rate(k) } else { 0.0 });
     let doubt = Array2::from_shape_fn((n, 2), |(_, c)| if c == 0 { 10.0 } else { 0.0 });
