@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::{Folder, SPHERE_PASS, page_toml};
+use crate::common::{Folder, SPHERE_PASS, page_toml, same_light};
 use std::fmt::Write as _;
 use sunglint_formats::ecsv;
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
@@ -187,6 +187,19 @@ fn a_gap_double_times_and_times_backwards() {
     right(&rows(&twice));
     let backwards: Vec<usize> = (0..n).rev().collect();
     right(&rows(&backwards));
+    // A gap, every third moment twice, then the same rows in another order: the same answer to the last bit.
+    let kept = (0..n).filter(|i| !(n / 3..n / 2).contains(i));
+    let sorted: Vec<usize> = kept.flat_map(|i| vec![i; 1 + usize::from(i % 3 == 0)]).collect();
+    // 7919 is a prime that is no part of the number of rows: it visits all.
+    assert!(!sorted.len().is_multiple_of(7919));
+    let shuffled: Vec<usize> =
+        (0..sorted.len()).map(|i| sorted[(i * 7919 + 13) % sorted.len()]).collect();
+    let mut answers = [&sorted, &shuffled].map(|order| {
+        write(&folder, "m.ecsv", &rows(order));
+        same_light(folder.json(&attitude))
+    });
+    assert_eq!(answers[0]["verdict"], "one");
+    assert_eq!(answers[0], std::mem::take(&mut answers[1]));
 }
 
 /// Exit code 1 where something is wrong with the input, 2 with the command; the message says what to do.
@@ -246,4 +259,50 @@ fn what_cannot_be_found_is_said() {
     let message = folder.refused(1, &["analyse", "attitude", "t.ecsv", "still.toml"]);
     assert!(message.contains("axis_body"), "{message}");
     folder.refused(2, &["analyse", "attitude", "pass.toml", "p.ecsv"]);
+}
+
+/// Truth: the spin that the curve was simulated with, about z once in 20 s. The pass enters the Earth's penumbra at its end: those samples do not count, and the colours of the half hidden Sun are no spectra of the
+/// search. Tolerance: 1e-3 of the period, as without a shadow.
+#[test]
+fn samples_in_the_penumbra_do_not_stop_it() {
+    let folder = Folder::new("attitude-penumbra");
+    let scene = r#"
+target.built_in = "box_wing"
+station.name = "ufo"
+[orbit]
+lines = [
+  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+]
+[times]
+from = 2008-09-21T18:45:00Z
+to = 2008-09-21T18:52:00Z
+[attitude]
+law = "spin"
+axis_body = [0, 0, 1]
+axis_gcrs = [0, 0, 1]
+period_s = 20
+epoch_utc = 2008-09-21T18:45:00Z
+"#;
+    std::fs::write(folder.path("box.toml"), scene).unwrap();
+    folder.done(&["simulate", "box.toml", "--step-s", "0.5", "-o", "box.ecsv", "-q"]);
+    // Without such samples the test would say nothing.
+    let simulated = curve(&folder, "box.ecsv");
+    let spcm = simulated.channels.iter().find(|c| c.name == "spcm").unwrap();
+    assert!(spcm.flags.iter().any(|f| f.contains(Flags::ECLIPSED)));
+    let found = folder.json(&[
+        "analyse",
+        "attitude",
+        "box.ecsv",
+        "box.toml",
+        "--channel",
+        "spcm",
+        "--period",
+        "19..21",
+        "--axes",
+        "20",
+        "--json",
+    ]);
+    let period_s = found["minima"][0]["period_s"].as_f64().unwrap();
+    assert!((period_s / 20.0 - 1.0).abs() < 1e-3, "{found}");
 }

@@ -3,8 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::Folder;
 use crate::common::star_night::{KAPPA, VISITS, curve, hazy_curve, night};
+use crate::common::{Folder, same_light};
 use serde_json::{Value, json};
 
 fn channel<'a>(night: &'a Value, name: &str) -> &'a Value {
@@ -248,4 +248,69 @@ fn a_folder_as_it_comes() {
     changed(&folder, &vega, &vega, &[(row, &cells.join(" "))]);
     let nan = folder.refused(1, &["calibrate", date, "--station", "ufo"]);
     assert!(nan.contains("00_vega.ecsv") && nan.contains("g_rate_hz, row 10: found NaN"), "{nan}");
+}
+
+/// Truth: the same rows sorted by time, some moments twice and a gap: κ, its intervals and what is applied are the same with the rows of each curve in any order, to the last bit.
+#[test]
+fn rows_of_stars_stand_in_any_order() {
+    let folder = Folder::new("calibrate-order");
+    night(&folder, "2020-11-18", 1.0);
+    let files: Vec<std::path::PathBuf> = std::fs::read_dir(folder.path("2020-11-18"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    let tables: Vec<(String, Vec<String>)> = (files.iter())
+        .map(|file| {
+            let text = std::fs::read_to_string(file).unwrap();
+            let (head, rows): (Vec<&str>, Vec<&str>) =
+                text.lines().partition(|l| l.starts_with('#') || l.starts_with("time_utc"));
+            // The fifth is lost, the third was measured twice.
+            let kept = rows.iter().enumerate().filter(|(i, _)| *i != 4);
+            let rows = kept.flat_map(|(i, row)| {
+                let mut other: Vec<String> = row.split(' ').map(str::to_owned).collect();
+                other[2] = format!("{}", 1.001 * other[2].parse::<f64>().unwrap());
+                let own = (*row).to_owned();
+                if i == 2 { vec![own, other.join(" ")] } else { vec![own] }
+            });
+            (head.join("\n"), rows.collect())
+        })
+        .collect();
+    let vega = "2020-11-18/00_vega.ecsv";
+    let answers = |order: &dyn Fn(usize, usize) -> usize| -> [Value; 2] {
+        for (file, (head, rows)) in files.iter().zip(&tables) {
+            let n = rows.len();
+            let own: Vec<&str> = (0..n).map(|i| rows[order(i, n)].as_str()).collect();
+            std::fs::write(file, format!("{head}\n{}\n", own.join("\n"))).unwrap();
+        }
+        let calibrate =
+            ["calibrate", "2020-11-18", "--station", "ufo", "-o", "k.ecsv", "--force", "--json"];
+        let kappa = folder.json(&calibrate);
+        let apply = [
+            "apply",
+            "k.ecsv",
+            vega,
+            "--station",
+            "ufo",
+            "--spectrum",
+            "A0V",
+            "--magnitudes",
+            "V",
+            "-o",
+            "c.ecsv",
+            "--force",
+            "--json",
+        ];
+        [same_light(kappa), same_light(folder.json(&apply))]
+    };
+    let sorted = answers(&|i, _| i);
+    let rows = |name: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(folder.path(name)).unwrap();
+        text.lines().filter(|l| !l.starts_with('#')).map(str::to_owned).collect()
+    };
+    let written = rows("c.ecsv");
+    // Ten rows: 7 is no part of their number.
+    for order in [&(|i, n| n - 1 - i) as &dyn Fn(usize, usize) -> usize, &|i, n| (7 * i + 3) % n] {
+        assert_eq!(answers(order), sorted);
+        assert_eq!(rows("c.ecsv"), written);
+    }
 }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS, same_light};
 
 /// A curve and, command by command, a part of what it has to be answered.
 struct Case {
@@ -155,25 +155,6 @@ fn a_foreign_table_is_imported() {
     std::fs::write(folder.path("flux.csv"), "mjd_utc,flux\n59275.0,100\n59275.1,10\n").unwrap();
     let none = folder.refused(1, &["import", "flux.csv", "--tdm", "f.tdm"]);
     assert!(none.contains("zero point"), "{none}");
-}
-
-/// Takes out of a summary what tells files and seconds apart, not light.
-fn same_light(mut value: serde_json::Value) -> serde_json::Value {
-    fn strip(value: &mut serde_json::Value) {
-        match value {
-            serde_json::Value::Object(map) => {
-                map.retain(|key, _| {
-                    !matches!(key.as_str(), "sha256" | "inputs" | "provenance" | "created" | "cost")
-                        && !key.contains("seconds")
-                });
-                map.values_mut().for_each(strip);
-            }
-            serde_json::Value::Array(all) => all.iter_mut().for_each(strip),
-            _ => {}
-        }
-    }
-    strip(&mut value);
-    value
 }
 
 /// Truth: the same rows sorted by time, every fifteenth moment measured twice with unlike values, and a gap of a tenth. Every command that reads curves answers the same with the rows in any order, to the last bit.
