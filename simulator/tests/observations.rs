@@ -255,6 +255,19 @@ fn text_with(folder: &tempfile::TempDir, text: &str) -> String {
     format!("table = \"{name}\"")
 }
 
+/// Truth: the range as the table has it. A table often holds range and height; the range is used, and it is said.
+#[test]
+fn ranges_come_before_heights() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "# synthetic\ntime_utc,azimuth_deg,altitude_deg,height_km,range_km\n2020-03-01T18:00:00Z,200,40,550,800\n";
+    std::fs::write(folder.path().join("o.csv"), text).unwrap();
+    let pass = scene(folder.path(), "", "table = \"o.csv\"", "yaw_steering").unwrap();
+    let range_m = simulate(&pass).places[0].geometry.range_m;
+    assert!((range_m - 800_000.0).abs() < 1e-3, "{range_m}");
+    let said = |w: &String| w.contains("range_km is used, height_km is not");
+    assert!(pass.warnings.iter().any(said), "{:?}", pass.warnings);
+}
+
 #[test]
 fn tables_that_say_no_place_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -268,10 +281,6 @@ fn tables_that_say_no_place_are_refused() {
         (
             "time_utc,altitude_deg,azimuth_deg,height_km\n2020-01-01T00:00:00Z,40,20,0.1\n",
             "distance",
-        ),
-        (
-            "time_utc,altitude_deg,azimuth_deg,range_km,height_km\n2020-01-01T00:00:00Z,40,20,9,9\n",
-            "one of",
         ),
         ("time_utc,x_km,y_km\n2020-01-01T00:00:00Z,7000,0\n", "z_km"),
         ("time_utc,x_km,y_km,z_km\n2020-01-01T00:00:00Z,700,0,0\n", "outside the Earth"),

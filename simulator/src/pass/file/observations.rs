@@ -169,6 +169,14 @@ impl Reader<'_> {
         let places: Vec<Result<_, ParseError>> = (0..n).into_par_iter().map(one).collect();
         let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
         let mut warnings = rows.notes.clone();
+        let far = FAR.iter().map(|(name, _)| *name).filter(|name| rows.table.column(name).is_ok());
+        let far: Vec<&str> = far.collect();
+        if let (Kind::Direction { .. }, [used, rest @ ..]) = (&kind, &far[..])
+            && !rest.is_empty()
+        {
+            let rest = rest.join(" and ");
+            warnings.push(format!("the table of observations says in several columns how far the target is: {used} is used, {rest} is not"));
+        }
         if velocities.is_none() && !matches!(kind, Kind::Elements(_)) {
             warnings.push("the table of observations has no velocities (vx_km_s, vy_km_s, vz_km_s): places are where the light left, nothing moves within an exposure, and an attitude along the velocity is not known".into());
         }
@@ -217,17 +225,10 @@ impl Reader<'_> {
             if let Some(missing) = DIRECTION.iter().find(|c| !has(c)) {
                 return Err(lacks(path, missing, &DIRECTION).into());
             }
-            let mut far = FAR.iter().filter(|(name, _)| has(name));
-            let ((name, metres), None) = (match (far.next(), far.next()) {
-                (Some(one), other) => (*one, other),
-                (None, _) => {
-                    let found = "no distance of the target";
-                    let expected = "a column range_km, range_m, height_km or height_m";
-                    return Err(ParseError::new(path, found, expected).into());
-                }
-            }) else {
-                let found = "several columns of how far the target is";
-                let expected = "one of range_km, range_m, height_km and height_m";
+            // Ranges before heights: those are what was observed.
+            let Some((name, metres)) = FAR.iter().find(|(name, _)| has(name)) else {
+                let found = "no distance of the target";
+                let expected = "a column range_km, range_m, height_km or height_m";
                 return Err(ParseError::new(path, found, expected).into());
             };
             let unit = name.rsplit('_').next().unwrap_or_default();
