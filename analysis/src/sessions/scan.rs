@@ -5,7 +5,7 @@
 
 use crate::period::FrequencyGrid;
 use crate::period::lomb_scargle::{Cholesky, LEAST_PIVOT};
-use crate::period::sums::{sums, turns};
+use crate::period::sums::{sums, sums_of_a_stretch, turns};
 use std::f64::consts::TAU;
 use std::ops::Range;
 use sunglint_numerics::progress::{Cancelled, Progress};
@@ -198,7 +198,7 @@ impl Rows {
             for (session, total) in self.sessions.iter().zip(&data.totals) {
                 let (time, own) = (&self.time[session.clone()], &weight[session.clone()]);
                 let by: Vec<_> =
-                    (1..=harmonics).filter_map(|k| sums(time, &[own], &times(k)).pop()).collect();
+                    (1..=harmonics).map(|k| sums_of_a_stretch(time, own, &times(k))).collect();
                 let root = 1.0 / total.sqrt();
                 for (f, row) in of_sessions.chunks_exact_mut(triangle).enumerate() {
                     for (k, s) in by.iter().enumerate() {
