@@ -38,9 +38,9 @@ mod study;
 mod whiten;
 
 pub use data::{CalibrationError, Data};
-pub use problem::{Columns, Free, Linear, Model, ModelError, Prior};
+pub use problem::{Columns, Free, Linear, Model, ModelError, Prior, Search};
 pub use residuals::{Summary, summaries};
-pub use run::{Loss, Options, Progress, fit};
+pub use run::{Loss, Options, Progress, Purpose, fit};
 pub use study::{
     Component, Extinction, Law, Shaping, StudyModel, Unit, ZeroPoint, airmasses, band_mean,
     band_weights,
