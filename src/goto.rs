@@ -18,7 +18,8 @@ use sunglint_drivers::device::{Camera, Mount, MountMotion, MountSite};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
-    Certainty, Goto, GotoOptions, GotoTarget, Guard, Looks, SunCone, TargetPath, direction,
+    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Looks, SunCone, TargetPath,
+    TrackError, direction,
 };
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
@@ -205,6 +206,11 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     });
     let offs = match went {
         Ok(offs) => offs,
+        // A stop would end what somebody else does with it.
+        Err(error @ GotoError::Track(TrackError::ByHand { .. })) => {
+            dog.done();
+            return Err(error.into());
+        }
         Err(error) => {
             // What follows the stars goes on doing so: it is stopped.
             stop(mount.as_mut(), dog)?;
@@ -219,9 +225,26 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         return Ok(());
     }
     console.say("there; Ctrl-C stops the mount");
-    let held = hold(mount.as_mut(), &guard, &station, &cancel, &dog);
-    stop(mount.as_mut(), dog)?;
-    held
+    match hold(mount.as_mut(), &guard, &station, &cancel, &dog) {
+        Ok(Held::ByHand) => {
+            dog.done();
+            console.warn("somebody else moves the mount: it is left to them");
+            Ok(())
+        }
+        held => {
+            stop(mount.as_mut(), dog)?;
+            held.map(|_| ())
+        }
+    }
+}
+
+/// Why a mount is held no more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Held {
+    /// The person ended it.
+    Ended,
+    /// Somebody else parks or moves it.
+    ByHand,
 }
 
 /// Stops the mount, and where that fails leaves it to the watchdog.
@@ -243,12 +266,12 @@ fn hold(
     station: &Station,
     cancel: &Cancel,
     dog: &Process,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Held> {
     let earth = EarthOrientation::embedded();
     while !cancel.is_cancelled() {
         let reading = mount.reading(&Deadline::within(Duration::from_secs(2)))?;
         if !matches!(reading.motion, MountMotion::Tracking | MountMotion::Still) {
-            bail!("somebody else moves the mount: it is left to them");
+            return Ok(Held::ByHand);
         }
         let axes = mount.abilities().axes;
         let span = (reading.utc, 10.0);
@@ -263,7 +286,7 @@ fn hold(
             std::thread::sleep(BEAT);
         }
     }
-    Ok(())
+    Ok(Held::Ended)
 }
 
 /// A camera whose frames say where they look.

@@ -419,23 +419,36 @@ fn a_telescope_goes_to_a_star() {
         let ra_off = (ra_deg - place.ra_deg + 180.0).rem_euclid(360.0) - 180.0;
         let off = (ra_off * place.dec_deg.to_radians().cos()).hypot(dec_deg - place.dec_deg);
         assert!(off < 0.5, "{off}: {:?} {place:?}", reading.place);
+        let there = || {
+            let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+                .current_dir(&folder.0)
+                .args(common)
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let mut lines = BufReader::new(program.stderr.take().unwrap()).lines();
+            assert!(lines.any(|line| line.unwrap().contains("Ctrl-C stops the mount")));
+            (program, lines)
+        };
+        let mut until = |wanted: MountMotion| {
+            let begun = Instant::now();
+            while own.reading(&soon()).unwrap().motion != wanted {
+                assert!(begun.elapsed() < Duration::from_secs(60), "not {wanted:?}");
+            }
+        };
         // Without --leave it stays until somebody ends it, and the mount stands then.
-        let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
-            .current_dir(&folder.0)
-            .args(common)
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(program.stderr.take().unwrap()).lines();
-        assert!(lines.any(|line| line.unwrap().contains("Ctrl-C stops the mount")));
+        let (mut program, _lines) = there();
         let pid = program.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
         program.wait().unwrap();
-        let ended = Instant::now();
-        while own.reading(&soon()).unwrap().motion != MountMotion::Still {
-            assert!(ended.elapsed() < Duration::from_secs(10), "nobody stopped it");
-        }
+        until(MountMotion::Still);
+        // Somebody else's park is not stopped.
+        let (mut program, mut lines) = there();
+        server.mount().set_parked(true, &soon()).unwrap();
+        assert!(lines.any(|line| line.unwrap().contains("it is left to them")));
+        assert!(program.wait().unwrap().success());
+        until(MountMotion::Parked);
     });
 }
 

@@ -648,6 +648,9 @@ impl MountWork {
         worker: &Worker,
     ) -> bool {
         if !mount.abilities().parks {
+            if self.hand.want() == Want::Park {
+                self.say_of_park("this mount has no park: it stands", worker);
+            }
             return false;
         }
         let reading = mount.reading(&worker.even_so(SOON));
