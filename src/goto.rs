@@ -67,7 +67,7 @@ pub struct GotoArgs {
     /// Tell the mount where it is in the end
     #[arg(long, requires = "solve")]
     pub sync: bool,
-    /// End once it is there, and leave the mount as it is. Nothing then keeps a mount that follows the stars off the Sun or the pier
+    /// End once it is there, and leave the mount as it is. Nothing then keeps a mount that follows the stars off the Sun
     #[arg(long)]
     pub leave: bool,
     /// Which station.
@@ -168,7 +168,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     let token = cancel.clone();
     listen(Hangup::Ends, move || token.cancel())?;
     let program = std::env::current_exe().context("cannot find this program")?;
-    let dog = Process::start(&program, &args.mount)?;
+    let mut dog = Process::start(&program, &args.mount)?;
     let mut options = GotoOptions::default();
     options.tolerance_arcsec = args.within;
     options.sync = args.sync;
@@ -225,7 +225,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         return Ok(());
     }
     console.say("there; Ctrl-C stops the mount");
-    match hold(mount.as_mut(), &guard, &station, &cancel, &dog) {
+    match hold(mount.as_mut(), &guard, &station, &cancel, &mut dog) {
         Ok(Held::ByHand) => {
             dog.done();
             console.warn("somebody else moves the mount: it is left to them");
@@ -265,7 +265,7 @@ fn hold(
     guard: &Guard,
     station: &Station,
     cancel: &Cancel,
-    dog: &Process,
+    dog: &mut Process,
 ) -> anyhow::Result<Held> {
     let earth = EarthOrientation::embedded();
     while !cancel.is_cancelled() {
@@ -283,6 +283,9 @@ fn hold(
                 break;
             }
             dog.tick();
+            if !dog.watches() {
+                bail!("the watchdog has gone: the mount is stopped");
+            }
             std::thread::sleep(BEAT);
         }
     }

@@ -271,11 +271,11 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
 /// Parks a mount that stands, and says how that went.
 fn parked(mount: &mut dyn Mount, guard: &Guard, console: Console) -> anyhow::Result<()> {
     // Parking ends by itself.
-    let done = park(mount, guard, &DeviceClock::live(), &mut || ());
+    let done = park(mount, guard, &DeviceClock::live(), &mut || ControlFlow::Continue(()));
     match done.context("it is not known whether the mount is parked")? {
         Parked::Parked => console.say(Parked::Parked.text()),
         Parked::SunIsUp => console.warn(Parked::SunIsUp.text()),
-        Parked::TooSlow => bail!("{}", Parked::TooSlow.text()),
+        other => bail!("{}", other.text()),
     }
     Ok(())
 }

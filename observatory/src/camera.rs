@@ -78,6 +78,8 @@ struct Now {
     angle_deg: Option<f64>,
     /// The visit's target.
     target: Option<Target>,
+    /// Beginning of the visit.
+    begun: Option<Epoch>,
 }
 
 impl CameraWork {
@@ -214,7 +216,8 @@ impl CameraWork {
     /// Whether the telescope is on the visit's target.
     fn aims(&mut self, now: &Now, worker: &Worker) -> Ready {
         let Some(aim) = &self.aim else { return Ready::Record };
-        self.waiting.decide(aim, &self.plan.name, now.target.as_ref(), worker.clock.utc())
+        let target = now.target.as_ref().zip(now.begun);
+        self.waiting.decide(aim, &self.plan.name, target, worker.clock.utc())
     }
 
     /// Takes a frame of the whole sensor for the mount, which looks for its target. It is not recorded.
@@ -288,7 +291,8 @@ impl CameraWork {
         let setting = schedule.setting(utc).and_then(|slot| slot.step.as_ref());
         let angle_deg = setting.and_then(|step| step.rotator_deg);
         let target = planned.map(|slot| slot.target.clone());
-        Now { exposing, step, to, changes, angle_deg, target }
+        let begun = schedule.visits().iter().rev().map(|v| v.from).find(|from| *from <= utc);
+        Now { exposing, step, to, changes, angle_deg, target, begun }
     }
 
     /// Whether it takes no frame now: it has all of the step, cannot be set for it, or the next would not end before something else begins.

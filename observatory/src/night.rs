@@ -12,7 +12,7 @@ use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, PlanError, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
 use super::room::Room;
-use super::schedule::{CameraWish, Schedule, SharedSchedule};
+use super::schedule::{CameraWish, Schedule, SharedSchedule, Slot};
 use super::sequence::Exposing;
 use super::status::{Snapshot, State, Status};
 use super::telescope::Order;
@@ -526,6 +526,23 @@ impl Night {
     }
 }
 
+/// Answer to a repeated visit: what follows it, and what finds no time any more.
+fn after_repeat(before: &Schedule, again: &Schedule, utc: Epoch, end: Option<Epoch>) -> String {
+    let kept = again.visits();
+    let ends = |slot: &Slot| end.is_some_and(|end| slot.from >= end);
+    let planned = before.visits().into_iter().filter(|visit| visit.from > utc);
+    let lost = planned.filter(|visit| {
+        let mut later = kept.iter().filter(|slot| slot.from > utc && !ends(slot));
+        !later.any(|slot| slot.target == visit.target)
+    });
+    let lost: Vec<String> = lost.map(|visit| visit.target.name).collect();
+    let text = "once more from now on; the stars that follow come later";
+    match lost.is_empty() {
+        true => text.to_owned(),
+        false => format!("{text}; no time is left for {}", lost.join(", ")),
+    }
+}
+
 fn failure(name: &str, state: State) -> Option<(String, String)> {
     match state {
         State::Failed { error } => Some((name.to_owned(), error)),
@@ -760,8 +777,9 @@ impl Watch<'_> {
             Control::Repeat => match schedule.repeated(utc) {
                 Err(why) => refused(why),
                 Ok(again) => {
+                    let text = after_repeat(&schedule, &again, utc, self.night.end);
                     self.exchange(again, utc);
-                    Ok("once more from now on; the stars that follow come later".into())
+                    Ok(text)
                 }
             },
             Control::Lock(_)

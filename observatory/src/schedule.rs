@@ -215,7 +215,8 @@ impl Schedule {
         // Steps after the present one belong to it, too.
         let rest = &self.slots[last + 1..];
         let own = rest.iter().take_while(|slot| is_visit(slot) && slot.continues()).count();
-        let mut queue: Vec<Slot> = self.slots[first..=last + own].to_vec();
+        let mut queue: Vec<Slot> =
+            self.slots[first..=last + own].iter().filter(|slot| is_visit(slot)).cloned().collect();
         queue[0].step =
             queue[0].step.take().map(|step| Arc::new(Step { continues: false, ..(*step).clone() }));
         // Steps count as finished by their number.

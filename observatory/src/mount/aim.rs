@@ -60,26 +60,29 @@ impl Aim {
 /// A camera's memory of the visit that it waits for.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Waiting {
-    visit: Option<Target>,
+    visit: Option<(Target, Epoch)>,
     since: Option<Epoch>,
     was_on: bool,
 }
 
 impl Waiting {
-    /// Decides how a camera goes on at a target. A visit that was on its target once goes on while the mount looks for it again: a cloud costs no frames.
+    /// Decides how a camera goes on at a target, in the visit that began then. A visit that was on its target once goes on while the mount looks for it again: a cloud costs no frames.
     pub fn decide(
         &mut self,
         aim: &Aim,
         camera: &str,
-        target: Option<&Target>,
+        target: Option<(&Target, Epoch)>,
         now: Epoch,
     ) -> Ready {
-        let Some(target) = target.filter(|target| needs_mount(target.target_kind)) else {
+        let Some((target, begun)) = target.filter(|(target, _)| needs_mount(target.target_kind))
+        else {
             *self = Self::default();
             return Ready::Record;
         };
-        if self.visit.as_ref() != Some(target) {
-            *self = Self { visit: Some(target.clone()), since: Some(now), was_on: false };
+        let is_it = |(known, at): &(Target, Epoch)| known == target && *at == begun;
+        if !self.visit.as_ref().is_some_and(is_it) {
+            let visit = Some((target.clone(), begun));
+            *self = Self { visit, since: Some(now), was_on: false };
         }
         let state = aim.state().clone();
         let waited_s = self.since.map_or(0.0, |since| (now - since).to_seconds());
@@ -125,36 +128,39 @@ mod tests {
         let aim = Aim::new(Some("cam".into()), true, 60.0);
         let (mut cam, mut other) = (Waiting::default(), Waiting::default());
         // Dark frames need no telescope, and neither does a time without a visit.
-        assert_eq!(cam.decide(&aim, "cam", Some(&dark), at(0.0)), Ready::Record);
+        assert_eq!(cam.decide(&aim, "cam", Some((&dark, at(0.0))), at(0.0)), Ready::Record);
         assert_eq!(cam.decide(&aim, "cam", None, at(0.0)), Ready::Record);
-        assert_eq!(cam.decide(&aim, "cam", Some(&vega), at(1.0)), Ready::Wait);
+        assert_eq!(cam.decide(&aim, "cam", Some((&vega, at(0.0))), at(1.0)), Ready::Wait);
         aim.set(AimState::Looking(vega.clone()));
-        assert_eq!(cam.decide(&aim, "cam", Some(&vega), at(2.0)), Ready::Look);
-        assert_eq!(other.decide(&aim, "other", Some(&vega), at(2.0)), Ready::Wait);
+        assert_eq!(cam.decide(&aim, "cam", Some((&vega, at(0.0))), at(2.0)), Ready::Look);
+        assert_eq!(other.decide(&aim, "other", Some((&vega, at(0.0))), at(2.0)), Ready::Wait);
         aim.set(AimState::On(vega.clone()));
-        assert_eq!(cam.decide(&aim, "cam", Some(&vega), at(3.0)), Ready::Record);
+        assert_eq!(cam.decide(&aim, "cam", Some((&vega, at(0.0))), at(3.0)), Ready::Record);
         // A cloud.
         aim.set(AimState::Looking(vega.clone()));
-        assert_eq!(cam.decide(&aim, "cam", Some(&vega), at(4.0)), Ready::Record);
+        assert_eq!(cam.decide(&aim, "cam", Some((&vega, at(0.0))), at(4.0)), Ready::Record);
         // The next target: the telescope is still on the old one.
         aim.set(AimState::On(vega.clone()));
-        assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(5.0)), Ready::Wait);
+        assert_eq!(cam.decide(&aim, "cam", Some((&deneb, at(0.0))), at(5.0)), Ready::Wait);
         aim.set(AimState::Looking(deneb.clone()));
-        assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(64.0)), Ready::Look);
-        assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(65.0)), Ready::Record);
+        assert_eq!(cam.decide(&aim, "cam", Some((&deneb, at(0.0))), at(64.0)), Ready::Look);
+        assert_eq!(cam.decide(&aim, "cam", Some((&deneb, at(0.0))), at(65.0)), Ready::Record);
         // A telescope that stands elsewhere gives no frames of the target, however late it is; one that nobody waits for does, and dark frames are taken.
         aim.set(AimState::Standing);
-        assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(900.0)), Ready::Wait);
-        assert_eq!(cam.decide(&aim, "cam", Some(&dark), at(901.0)), Ready::Record);
+        assert_eq!(cam.decide(&aim, "cam", Some((&deneb, at(0.0))), at(900.0)), Ready::Wait);
+        assert_eq!(cam.decide(&aim, "cam", Some((&dark, at(0.0))), at(901.0)), Ready::Record);
         let unwaited = Aim::new(None, false, 60.0);
         unwaited.set(AimState::Standing);
         let mut eager = Waiting::default();
-        assert_eq!(eager.decide(&unwaited, "cam", Some(&vega), at(902.0)), Ready::Record);
+        assert_eq!(
+            eager.decide(&unwaited, "cam", Some((&vega, at(0.0))), at(902.0)),
+            Ready::Record
+        );
         // A mount that is lost holds up nobody, and neither does one that nobody waits for.
         aim.set(AimState::Lost);
-        assert_eq!(other.decide(&aim, "other", Some(&deneb), at(6.0)), Ready::Record);
+        assert_eq!(other.decide(&aim, "other", Some((&deneb, at(0.0))), at(6.0)), Ready::Record);
         let free = Aim::new(None, false, 60.0);
         let mut camera = Waiting::default();
-        assert_eq!(camera.decide(&free, "cam", Some(&vega), at(0.0)), Ready::Record);
+        assert_eq!(camera.decide(&free, "cam", Some((&vega, at(0.0))), at(0.0)), Ready::Record);
     }
 }

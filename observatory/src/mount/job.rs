@@ -97,7 +97,10 @@ impl Job {
     /// Whether the schedule, which was exchanged, still wants it.
     pub fn is_still(&self, worker: &Worker) -> bool {
         let next = next_job(&worker.schedule.get(), worker.clock.utc(), worker.end, &|_, _| false);
-        next.is_some_and(|next| next.visit.target == self.visit.target && next.to >= self.to)
+        next.is_some_and(|next| {
+            let same = next.visit.target == self.visit.target && next.visit.from == self.visit.from;
+            same && next.to >= self.to
+        })
     }
 
     /// The path of the target from now on, cut to what horizon, lowest altitude and the Sun allow.

@@ -78,6 +78,8 @@ pub struct MountWork {
     park_at: Option<Duration>,
     park_said: Option<&'static str>,
     told: Option<(String, Duration)>,
+    /// The person's wish at the last look.
+    wanted: Want,
     /// Azimuth and altitude where it stands, and the Sun's distance from there, deg.
     at_deg: Option<([f64; 2], f64)>,
     /// The visit in which somebody else stopped the mount.
@@ -124,6 +126,7 @@ impl MountWork {
             park_at: None,
             park_said: None,
             told: None,
+            wanted: Want::Follow,
             at_deg: None,
             by_hand: None,
             may_unpark: true,
@@ -191,7 +194,8 @@ impl MountWork {
             Err(DeviceError::NotReady { .. }) => false,
             Err(_) => worker.is_over(),
         };
-        if self.plan.park && stopped.is_ok() && orderly {
+        // What a person stopped is not moved by the night's end.
+        if self.plan.park && stopped.is_ok() && orderly && self.hand.want() != Want::Stand {
             // Parking ends by itself.
             self.park(mount.as_mut(), &guard, None, worker);
         }
@@ -296,6 +300,12 @@ impl MountWork {
                 placed = true;
             }
             let want = self.hand.want();
+            if want != self.wanted {
+                // A parking that failed may still be on its way.
+                self.stands &= want != Want::Stand;
+                self.park_at = None;
+                self.wanted = want;
+            }
             if self.closed.is_some() || want != Want::Follow {
                 self.aim.set(AimState::Standing);
                 if want != Want::Follow {
@@ -585,7 +595,9 @@ impl MountWork {
         };
         let Ok(zenith) = fixed([180.0, 80.0]) else { return Ok(()) };
         let here = zenith.frame().to_enu(direction(zenith.angles_of(&reading)));
-        self.at_deg = Some((angles(here), guard.sun_distance_deg(here, utc)));
+        let [azimuth, altitude] = angles(here);
+        let sun = guard.sun_distance_deg(here, utc);
+        self.at_deg = Some(([azimuth.rem_euclid(360.0), altitude], sun));
         let later = utc + AHEAD_MIN * Unit::Minute;
         let Some(danger) = [utc, later].iter().find_map(|at| guard.check_sun(here, *at).err())
         else {
@@ -624,7 +636,8 @@ impl MountWork {
                 dog.tick();
                 dog.watches()
             });
-            match watched && step.state == TrackState::Slewing && !worker.is_over() {
+            let wanted = self.hand.want() == Want::Follow;
+            match watched && wanted && step.state == TrackState::Slewing && !worker.is_over() {
                 true => ControlFlow::Continue(()),
                 false => ControlFlow::Break(()),
             }
@@ -657,15 +670,20 @@ impl MountWork {
         if reading.is_ok_and(|reading| reading.motion == MountMotion::Parked) {
             return true;
         }
-        if self.by_hand.is_some() {
+        if self.by_hand.is_some() && self.hand.want() != Want::Park {
             self.say_of_park("it is not parked: somebody else stopped it", worker);
             return false;
         }
         let axes = mount.abilities().axes;
         self.line("parking", None, axes, worker);
+        let hand = self.hand.clone();
         let tick = &mut || {
             if let Some(dog) = dog {
                 dog.tick();
+            }
+            match hand.want() {
+                Want::Stand => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
             }
         };
         match park(mount, guard, &worker.clock, tick) {

@@ -11,8 +11,8 @@ use sunglint_formats::Frame;
 
 /// Frames that wait at most: the newest count.
 const MOST: usize = 8;
-/// Frames of which it is known where their pixels lie.
-const KNOWN: usize = 100;
+/// Frames of which it is known where their pixels lie: of so many seconds, and so many at most.
+const KNOWN: (f64, usize) = (60.0, 6000);
 
 /// Where a frame lies on its sensor, and when it was taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,7 +106,8 @@ impl Sights {
         let seen = FinderFrame { middle: placed.middle(), spots: spots.collect() };
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back(placed);
-        while known.len() > KNOWN {
+        let is_old = |old: &Placed| (placed.start - old.start).to_seconds() > KNOWN.0;
+        while known.len() > KNOWN.1 || known.front().is_some_and(is_old) {
             known.pop_front();
         }
         drop(known);

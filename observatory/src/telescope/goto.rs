@@ -3,12 +3,12 @@
 use super::path::{PathError, TargetPath, angles};
 use super::safety::Guard;
 use super::steer::Orders;
-use super::tracker::{TrackError, TrackOptions, TrackStep, Tracker, off_of};
+use super::tracker::{PARKED, STOPPED, TrackError, TrackOptions, TrackStep, Tracker, off_of};
 use hifitime::Epoch;
 use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{DeviceError, Mount};
+use sunglint_drivers::device::{DeviceError, Mount, MountMotion};
 use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Site, Star, StarError};
 
 /// Length of the path towards a target, s.
@@ -152,6 +152,11 @@ impl Goto<'_> {
         }
     }
 
+    fn motion(&mut self, cancel: &Cancel) -> Result<MountMotion, DeviceError> {
+        let soon = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
+        Ok(self.mount.reading(&soon)?.motion)
+    }
+
     /// Goes to a target. With `look`, it is corrected by where the frames look until it is near enough; gives how far off each frame was, arcsec. A mount that follows the
     /// stars after a goto does so in the end.
     ///
@@ -178,7 +183,18 @@ impl Goto<'_> {
             let settle = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
             let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
             settle.sleep(rest).map_err(|_| CANCELLED)?;
-            let looks = look(cancel).map_err(GotoError::Blind)?;
+            // What is parked or stopped from now on is somebody else's.
+            self.options.track.unpark = false;
+            let before = self.motion(cancel)?;
+            let looked = look(cancel);
+            match (before, self.motion(cancel)?) {
+                (_, MountMotion::Parked) => return Err(TrackError::ByHand { what: PARKED }.into()),
+                (_, MountMotion::Slewing) | (MountMotion::Tracking, MountMotion::Still) => {
+                    return Err(TrackError::ByHand { what: STOPPED }.into());
+                }
+                _ => {}
+            }
+            let looks = looked.map_err(GotoError::Blind)?;
             let [ra_deg, dec_deg] = looks.sky_deg;
             let star = Star::at("the frame's middle", Equatorial { ra_deg, dec_deg })?;
             let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;

@@ -14,6 +14,8 @@ const FAINTER: f64 = 0.2;
 pub(super) struct Hold {
     /// Offset of the star from where the prediction shows it, along the growing axes, arcsec.
     pub off: [f64; 2],
+    /// Offset that a person gave, arcsec: about it the star is looked for.
+    given: [f64; 2],
     /// Whether it was found.
     pub locked: bool,
     /// When it was seen last, s of the path.
@@ -29,18 +31,20 @@ impl Hold {
     /// Looks for the star within so many arcsec of where it is believed to be, and keeps it so many seconds without light.
     pub fn new(reach_arcsec: f64, coast_s: f64) -> Self {
         let (candidate, flux, seen_s) = (None, None, None);
-        Self { off: [0.0; 2], locked: false, seen_s, candidate, flux, reach_arcsec, coast_s }
+        let (off, given) = ([0.0; 2], [0.0; 2]);
+        Self { off, given, locked: false, seen_s, candidate, flux, reach_arcsec, coast_s }
     }
 
     /// A person said which light is the star: its offset from the prediction, arcsec, as of now.
     pub fn lock(&mut self, off: [f64; 2], now_s: f64) {
-        (self.locked, self.off, self.seen_s) = (true, off, Some(now_s));
+        (self.locked, self.off, self.given, self.seen_s) = (true, off, off, Some(now_s));
         (self.candidate, self.flux) = (None, None);
     }
 
     /// A person said that the star is believed to be elsewhere by so much, arcsec.
     pub fn shift(&mut self, by: [f64; 2]) {
         self.off = [0, 1].map(|i| self.off[i] + by[i]);
+        self.given = [0, 1].map(|i| self.given[i] + by[i]);
         self.candidate = None;
     }
 
@@ -67,7 +71,7 @@ impl Hold {
             self.seen_s = Some(time_s);
             return Found::Target;
         }
-        let within = spots.iter().filter(|(off, _)| distance(off, &self.off) < self.reach_arcsec);
+        let within = spots.iter().filter(|(off, _)| distance(off, &self.given) < self.reach_arcsec);
         let Some((off, flux)) = within.max_by(|a, b| a.1.total_cmp(&b.1)) else {
             self.candidate = None;
             return Found::Nothing;

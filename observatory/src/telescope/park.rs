@@ -2,6 +2,7 @@
 
 use super::safety::Guard;
 use hifitime::Unit;
+use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, Mount, MountMotion};
@@ -20,6 +21,8 @@ pub enum Parked {
     SunIsUp,
     /// It was not parked in time, and was stopped.
     TooSlow,
+    /// Somebody wanted it to stand meanwhile: it was stopped.
+    Stopped,
 }
 
 impl Parked {
@@ -31,11 +34,13 @@ impl Parked {
                 "the mount stands and is not parked: the Sun is up, and the way to its park is not known; park it by hand"
             }
             Self::TooSlow => "the mount was not parked within 180 s: it was stopped",
+            Self::Stopped => "the mount was stopped on its way to its park",
         }
     }
 }
 
-/// Parks a mount that stands. While the Sun is up, or will be in three minutes, it stays where it is. `tick` is called while it waits.
+/// Parks a mount that stands. While the Sun is up, or will be in three minutes, it stays where it is. `tick` is called while it waits; where it breaks, the
+/// mount is stopped.
 ///
 /// # Errors
 /// See [`DeviceError`]: it is then not known whether it is parked.
@@ -43,7 +48,7 @@ pub fn park(
     mount: &mut dyn Mount,
     guard: &Guard,
     clock: &DeviceClock,
-    tick: &mut dyn FnMut(),
+    tick: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Parked, DeviceError> {
     let now = clock.utc();
     let later = now + 3.0 * Unit::Minute;
@@ -55,7 +60,10 @@ pub fn park(
     mount.set_parked(true, &within(SOON))?;
     let whole = within(PARKS);
     loop {
-        tick();
+        if tick().is_break() {
+            mount.stop(&within(SOON))?;
+            return Ok(Parked::Stopped);
+        }
         if mount.reading(&within(SOON))?.motion == MountMotion::Parked {
             return Ok(Parked::Parked);
         }

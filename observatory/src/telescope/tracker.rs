@@ -80,8 +80,8 @@ const EMPTY: u32 = 3;
 /// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
 const ARRIVES_DEG: f64 = 2.0;
 /// Texts of what somebody else did.
-const PARKED: &str = "the mount was parked by somebody else";
-const STOPPED: &str = "the mount was stopped by somebody else";
+pub(super) const PARKED: &str = "the mount was parked by somebody else";
+pub(super) const STOPPED: &str = "the mount was stopped by somebody else";
 /// Readings that are kept: a minute of ten a second, for frames with long exposures.
 const READINGS: usize = 600;
 
@@ -740,6 +740,7 @@ impl<'a> Tracker<'a> {
     fn obey(&mut self) {
         let Some(orders) = self.orders else { return };
         while let Some(order) = orders.next() {
+            let before = (orders.keep_arcsec(), self.estimator.clone(), self.hold.clone());
             match order {
                 Order::Keep { offset_arcsec } => orders.keep(offset_arcsec),
                 Order::Jog { arcsec } if self.holds_light() => {
@@ -753,7 +754,21 @@ impl<'a> Tracker<'a> {
                     }
                 }
             }
+            if let Err(danger) = self.check_order() {
+                orders.refuse(format!("not done: {danger}"));
+                orders.keep(before.0);
+                (self.estimator, self.hold) = (before.1, before.2);
+            }
         }
+    }
+
+    /// Whether the telescope may look where it is to look after a person's order: Sun, horizon and lowest altitude.
+    fn check_order(&self) -> Result<(), Danger> {
+        let (frame, now_s) = (self.path.frame(), self.now_s());
+        [0.0, AHEAD_S].into_iter().try_for_each(|ahead_s| {
+            let target = self.target((now_s + ahead_s).clamp(0.0, self.path.seconds()));
+            self.guard.check_place(frame.to_enu(target), self.clock.utc())
+        })
     }
 
     /// Whether it follows the target's light, and not the prediction.
