@@ -79,6 +79,8 @@ const AMONG_STARS_RAD_S: f64 = 1e-5;
 const EMPTY: u32 = 3;
 /// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
 const ARRIVES_DEG: f64 = 2.0;
+/// Farthest from the finder's middle that a target is kept, arcsec: 2°.
+const FARTHEST_ARCSEC: f64 = 7200.0;
 /// Texts of what somebody else did.
 pub(super) const PARKED: &str = "the mount was parked by somebody else";
 pub(super) const STOPPED: &str = "the mount was stopped by somebody else";
@@ -754,20 +756,27 @@ impl<'a> Tracker<'a> {
                     }
                 }
             }
-            if let Err(danger) = self.check_order() {
-                orders.refuse(format!("not done: {danger}"));
+            if let Err(why) = self.check_order(orders.keep_arcsec()) {
+                orders.refuse(format!("not done: {why}"));
                 orders.keep(before.0);
                 (self.estimator, self.hold) = (before.1, before.2);
             }
         }
     }
 
-    /// Whether the telescope may look where it is to look after a person's order: Sun, horizon and lowest altitude.
-    fn check_order(&self) -> Result<(), Danger> {
+    /// Whether the telescope may look where it is to look after a person's order: Sun, horizon and lowest altitude; and not so far beside the target that it would come
+    /// below them with it.
+    fn check_order(&self, keep: [f64; 2]) -> Result<(), String> {
+        let beside = keep[0].hypot(keep[1]);
+        if beside > FARTHEST_ARCSEC {
+            let degrees = beside / 3600.0;
+            return Err(format!("the target would be kept {degrees:.1}° beside, 2° at most"));
+        }
         let (frame, now_s) = (self.path.frame(), self.now_s());
         [0.0, AHEAD_S].into_iter().try_for_each(|ahead_s| {
             let target = self.target((now_s + ahead_s).clamp(0.0, self.path.seconds()));
-            self.guard.check_place(frame.to_enu(target), self.clock.utc())
+            let place = frame.to_enu(target);
+            self.guard.check_place(place, self.clock.utc()).map_err(|danger| danger.to_string())
         })
     }
 
