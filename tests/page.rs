@@ -503,7 +503,7 @@ fn a_night_is_steered_from_the_page() {
     assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));
 }
 
-/// A virtual star of the hour over the station, alone: no scintillation, nothing that crosses.
+/// A virtual star of the hour over the station, alone, too faint to saturate the camera in a tenth of a second: no scintillation, nothing that crosses.
 const DRIVEN: &str = r#"
 seed = 7
 [plan]
@@ -512,7 +512,7 @@ visit_s = 30
 sky_s = 5
 slew_s = 1
 dark_s = 3
-v_mag = [2.0, 4.0]
+v_mag = [3.0, 4.0]
 [scintillation]
 strength = 0.0
 [seeing]
@@ -535,7 +535,7 @@ fn a_virtual_night_is_driven_from_the_page() {
     let folder = Folder::new("page-driven");
     let plan = crate::common::virtual_night::plan_of(&[
         ("from = \"2020-11-18T18:00:00Z\"\n", ""),
-        ("exposure_s = 0.5\ninterval_s = 2.0", "exposure_s = 0.2\ninterval_s = 0.5"),
+        ("exposure_s = 0.5\ninterval_s = 2.0", "exposure_s = 0.1\ninterval_s = 0.5"),
     ]);
     crate::common::virtual_night::write(&folder.0, &plan, DRIVEN);
     let arguments = [
