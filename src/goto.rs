@@ -204,8 +204,8 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         shown += 1;
         ControlFlow::Continue(())
     });
-    let offs = match went {
-        Ok(offs) => offs,
+    let gone = match went {
+        Ok(gone) => gone,
         // A stop would end what somebody else does with it.
         Err(error @ GotoError::Track(TrackError::ByHand { .. })) => {
             dog.done();
@@ -217,8 +217,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
             return Err(error.into());
         }
     };
-    let report =
-        GotoReport { target: name, mount: args.mount.clone(), off_arcsec: offs, synced: args.sync };
+    let report = GotoReport { target: name, mount: args.mount.clone(), gone, synced: args.sync };
     args.out.finish(&report.product()?, &report.text(), console)?;
     if args.leave {
         dog.done();
@@ -337,6 +336,12 @@ impl Eye {
                 looked.sources
             ));
         };
-        Ok(Looks { middle, sky_deg: solved.centre_deg })
+        Ok(Looks {
+            middle,
+            sky_deg: solved.centre_deg,
+            up_deg: solved.up_deg,
+            is_mirrored: solved.is_mirrored,
+            scale_arcsec: solved.scale_arcsec / f64::from(frame.binning[0]),
+        })
     }
 }

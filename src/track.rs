@@ -30,7 +30,9 @@ use sunglint_report::track::{TrackReport, plan_text, step_text};
 use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
 
 /// Names of the virtual telescopes.
-const VIRTUAL: [&str; 2] = ["virtual", "virtual-equatorial"];
+const VIRTUAL: [&str; 3] = ["virtual", "virtual-equatorial", "virtual-german"];
+/// How far past the meridian the virtual German mount can go, deg.
+const GERMAN_DEG: f64 = 10.0;
 /// How long a mount may take to be opened.
 pub(crate) const OPEN: Duration = Duration::from_secs(30);
 
@@ -43,7 +45,7 @@ pub struct TrackArgs {
     /// The object: its catalogue number, or part of its name
     #[arg(value_name = "OBJECT")]
     pub object: String,
-    /// The mount: `indi-telescope:HOST:PORT/NAME` (see `sunglint devices list`), or a rehearsal with `virtual` (azimuth and altitude) or `virtual-equatorial`
+    /// The mount: `indi-telescope:HOST:PORT/NAME` (see `sunglint devices list`), or a rehearsal with `virtual` (azimuth and altitude), `virtual-equatorial` or `virtual-german`
     #[arg(long, value_name = "ADDRESS")]
     pub mount: String,
     /// Which station.
@@ -67,6 +69,9 @@ pub struct TrackArgs {
     /// Time from a command to the mount's doing it, s
     #[arg(long, value_name = "S", default_value_t = 0.25)]
     pub latency_s: f64,
+    /// How far past the meridian a German mount follows before it is turned over, degrees of hour angle
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub past_meridian: f64,
     /// How much later than predicted the target comes, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub late_s: f64,
@@ -116,6 +121,7 @@ impl TrackArgs {
         within("min-elevation", self.min_elevation, 0.0, 89.0)?;
         within("sun-limit", self.sun_limit, 10.0, 90.0)?;
         within("latency-s", self.latency_s, 0.0, 5.0)?;
+        within("past-meridian", self.past_meridian, 0.0, 85.0)?;
         within("late-s", self.late_s, -60.0, 60.0)?;
         within("weather-age-s", self.weather_age_s, 10.0, 3600.0)?;
         within("every", self.every, 0.05, 3600.0)?;
@@ -171,7 +177,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         console.warn(&warning);
     }
     let virtual_axes =
-        if args.mount == VIRTUAL[1] { MountAxes::Equatorial } else { MountAxes::Horizontal };
+        if args.mount == VIRTUAL[0] { MountAxes::Horizontal } else { MountAxes::Equatorial };
     if args.is_virtual() {
         return rehearse(args, console, &station, &orbit, (from, seconds), virtual_axes);
     }
@@ -212,7 +218,8 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         !args.no_refraction,
     )?;
     let stands = path.angles_of(&mount.reading(&soon())?);
-    let plan = PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands));
+    let plan =
+        PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands), args.past_meridian);
     let mut report = TrackReport::planned(plan, args.mount.clone());
     if args.dry_run {
         for doubt in doubts.into_iter().flatten() {
@@ -312,6 +319,7 @@ impl Sky {
 fn options(args: &TrackArgs) -> TrackOptions {
     let mut options = TrackOptions::default();
     options.latency_s = args.latency_s;
+    options.past_meridian_deg = args.past_meridian;
     options.nudge_s = args.late_s;
     options
 }
@@ -371,14 +379,17 @@ fn rehearse(
     let place = station.site.geodetic();
     let made = TelescopeOptions::default().with(|o| {
         o.axes = axes;
+        o.past_meridian_deg = (args.mount == VIRTUAL[2]).then_some(GERMAN_DEG);
         o.site_deg = [place.latitude_deg, place.longitude_deg];
     });
     let telescope = Telescope::new(made, clock.clone(), Arc::new(sky));
     let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::new(&station.site, axes, false, cone)
+    let turns_over = mount.abilities().tells_pier_side;
+    let guard = Guard::new(&station.site, axes, turns_over, cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
-    let plan = PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None);
+    let plan =
+        PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None, args.past_meridian);
     let mut report = TrackReport::planned(plan, args.mount.clone());
     if args.dry_run {
         return args.out.finish(&report.product(&[])?, &report.text(), console);

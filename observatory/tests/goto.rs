@@ -17,6 +17,9 @@ use sunglint_radiometry::sky::{
 };
 use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
 
+/// Turn of the camera, deg.
+const CAMERA_DEG: f64 = 25.0;
+
 fn site() -> Site {
     Site::new(Geodetic { latitude_deg: 48.78, longitude_deg: 9.18, height_m: 400.0 }).unwrap()
 }
@@ -74,7 +77,8 @@ fn stage(axes: MountAxes, star: &Star) -> Stage {
     });
     let star = star.clone();
     let sky = Arc::new(move |utc: Epoch| Some(enu_of(&star, utc)));
-    Stage { telescope: Telescope::new(options, clock.clone(), sky), clock, hand }
+    let telescope = Telescope::new(options, clock.clone(), sky).with_history();
+    Stage { telescope, clock, hand }
 }
 
 fn options() -> GotoOptions {
@@ -106,7 +110,16 @@ fn a_mount_that_is_set_up_badly_finds_the_star() {
                 telescope.advance();
                 let row = *telescope.truth().last().unwrap();
                 let middle = clock.zero_utc.unwrap() + row.time_s * Unit::Second;
-                Ok(Looks { middle, sky_deg: sky_at(row.pointing, middle) })
+                let sky_deg = sky_at(row.pointing, middle);
+                // The tube's upwards, turned by a camera that hangs askew: seen from north through east.
+                let axes = telescope.axes_at(row.time_s).unwrap();
+                let (sin, cos) = CAMERA_DEG.to_radians().sin_cos();
+                let up = axes.y_axis * cos - axes.x_axis * sin;
+                let [ra, dec] = sky_deg;
+                let above = sky_at((row.pointing + 1e-3 * up).normalize(), middle);
+                let east = (above[0] - ra + 180.0).rem_euclid(360.0) - 180.0;
+                let up_deg = (east * dec.to_radians().cos()).atan2(above[1] - dec).to_degrees();
+                Ok(Looks { middle, sky_deg, up_deg, is_mirrored: false, scale_arcsec: 1.5 })
             };
             let mut goto = Goto {
                 site: &site(),
@@ -119,16 +132,24 @@ fn a_mount_that_is_set_up_badly_finds_the_star() {
                 if looks { Some(&mut look) } else { None };
             goto.to(&target, look, &Cancel::new(), &mut |_| ControlFlow::Continue(())).unwrap()
         };
+
         let alone = stage(axes, star);
-        assert!(go(&alone, false).is_empty());
+        let gone = go(&alone, false);
+        assert!(gone.off_arcsec.is_empty() && gone.camera.is_none());
         let own = off(&alone);
         assert!(own > 120.0, "{axes:?}: {own}");
         let seeing = stage(axes, star);
-        let offs = go(&seeing, true);
+        let gone = go(&seeing, true);
+        let (offs, camera) = (gone.off_arcsec, gone.camera.unwrap());
         println!("{axes:?}: {own:.0}″ by itself, frames {offs:.0?}″");
         assert!(offs.len() >= 2 && offs[0] > 120.0 && *offs.last().unwrap() <= 30.0, "{offs:?}");
         let left = off(&seeing);
         assert!(left < 35.0, "{axes:?}: {left}");
+        // The pole's 30′ turn the frame by 0.5° over the cosine of the declination (45°) at most.
+        let turn = camera.camera_angle_deg - CAMERA_DEG;
+        println!("{axes:?}: the camera's turn is {turn:.2}° off");
+        assert!(turn.abs() < 1.0, "{axes:?}: {camera:?}");
+        assert_eq!((camera.camera_mirrored, camera.pixel_scale_arcsec), (false, 1.5));
     }
 }
 
@@ -154,7 +175,10 @@ fn what_does_not_arrive_says_why() {
     let place = star.icrs;
     let looks = |by_deg: f64| {
         let sky_deg = [place.ra_deg, place.dec_deg - by_deg];
-        move |_: &Cancel| Ok(Looks { middle: now, sky_deg })
+        move |_: &Cancel| {
+            let (up_deg, is_mirrored, scale_arcsec) = (0.0, false, 1.0);
+            Ok(Looks { middle: now, sky_deg, up_deg, is_mirrored, scale_arcsec })
+        }
     };
     let lost = go(&mut looks(20.0), star).unwrap_err();
     assert!(matches!(lost, GotoError::Lost { off_deg } if (off_deg - 20.0).abs() < 0.1), "{lost}");

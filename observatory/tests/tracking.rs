@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, MountAxes};
+use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, Mount as _, MountAxes, PierSide};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::time::parse_utc;
 use sunglint_observatory::telescope::{
-    Guard, Order, Orders, SunCone, TargetPath, TrackOptions, TrackState, TrackStep, Tracker,
+    Guard, Order, Orders, SunCone, TargetPath, TrackOptions, TrackState, TrackStep, Tracker, angles,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrames};
 use sunglint_radiometry::station::Horizon;
@@ -108,6 +108,8 @@ struct Went {
     rms_arcsec: f64,
     steps: Vec<TrackStep>,
     truth: Vec<TruthRow>,
+    /// Whether a German mount ran into an end of its first axis.
+    hit_end: bool,
 }
 
 impl Went {
@@ -127,6 +129,10 @@ struct Watched<F> {
 impl<F: Finder> Finder for Watched<F> {
     fn half_width_deg(&self) -> f64 {
         self.finder.half_width_deg()
+    }
+
+    fn side(&self) -> Option<PierSide> {
+        self.finder.side()
     }
 
     fn frame(&mut self, deadline: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {
@@ -175,7 +181,7 @@ fn follow_by_hand(
     let guard = Guard::new(
         &site(),
         axes,
-        false,
+        telescope.mount().abilities().tells_pier_side,
         SunCone::default().with_limit_deg(0.0).with_pointing_deg(0.0),
     );
     let (mut mount, last) = (telescope.mount(), Arc::new(Mutex::new(None)));
@@ -203,6 +209,7 @@ fn follow_by_hand(
         rms_arcsec: f64::NAN,
         steps,
         truth,
+        hit_end: telescope.hit_end(),
     };
     let from_s = summary.locked_s.unwrap_or(summary.began_s) + 3.0 + 60.0;
     went.rms_arcsec = went.rms(from_s, 60.0 + pass.seconds);
@@ -383,6 +390,93 @@ fn a_click_says_which_light_is_the_target() {
         println!("{axes:?}: clicked at {at:.1} s, rms {after:.2}″ afterwards");
         assert!(after < 5.0, "{axes:?} {after}");
     }
+}
+
+/// Truth: the virtual telescope's own: a German mount whose tube and camera hang upside down on one side, and whose switches stop it 10° past the meridian. Passes that cross the meridian
+/// above the pole: it is turned over once, before the switches; less than a minute is lost (30 s of half a turn at 6 °/s, its begin and end, and the way to the target); after it the target is
+/// followed as before it, and stands at the place of the frame where a person wanted it, upside down or not.
+#[test]
+fn a_german_mount_turns_over_within_a_pass() {
+    let went: Vec<_> = (40..70_u64)
+        .into_par_iter()
+        .filter_map(|seed| {
+            let mut dice = Dice(seed);
+            let pass = pass([800.0, 1500.0], [35.0, 65.0], &mut dice);
+            let span = (pass.from, pass.seconds);
+            let (earth, axes) = (EarthOrientation::embedded(), MountAxes::Equatorial);
+            let path = TargetPath::new(&pass.orbit, &site(), earth, span, axes, false).unwrap();
+            let hour_angle = |s: f64| angles(path.at(s).direction)[0];
+            // From one side of the meridian to the other above the pole, and not near the ends of the pass.
+            let crosses = (0..pass.seconds as usize).map(|i| i as f64).find(|s| {
+                let (a, b) = (hour_angle(*s), hour_angle(s + 1.0));
+                a * b <= 0.0 && (a - b).abs() < 90.0
+            })?;
+            if crosses < 60.0 || crosses > pass.seconds - 100.0 {
+                return None;
+            }
+            let past_deg = if seed % 2 == 0 { 0.0 } else { 8.0 };
+            let mut track = TrackOptions::default();
+            track.past_meridian_deg = past_deg;
+            let telescope = TelescopeOptions::default().with(|o| {
+                (o.axes, o.seed, o.fastest_deg_s) = (axes, seed, 6.0);
+                o.past_meridian_deg = Some(10.0);
+            });
+            let (mut kept, mut seen) = (false, Vec::new());
+            let went =
+                follow_by_hand(&pass, [0.5, 10.0], telescope, track, &mut |step, frame, orders| {
+                    if !kept && step.time_s > 15.0 {
+                        kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0] });
+                    }
+                    if let (Some(frame), TrackState::Locked) = (frame, step.state)
+                        && let [spot] = frame.spots.as_slice()
+                    {
+                        seen.push((step.time_s, step.pier, spot.offset_arcsec));
+                    }
+                });
+            Some((seed, crosses, pass.seconds, went, seen))
+        })
+        .collect();
+    assert!(went.len() >= 5, "{} passes", went.len());
+    let mut compared = 0;
+    for (seed, crosses, seconds, went, seen) in went {
+        assert!(!went.hit_end, "{seed}: it ran into its end");
+        let sides: Vec<_> = went.steps.iter().filter_map(|step| step.pier).collect();
+        let turns = sides.windows(2).filter(|two| two[0] != two[1]).count();
+        // The slew to the begin of the pass may be one, too.
+        let follows = |step: &&TrackStep| step.time_s > crosses - 30.0;
+        let late: Vec<_> = went.steps.iter().filter(follows).collect();
+        let turned: Vec<f64> = late
+            .windows(2)
+            .filter(|two| two[0].pier != two[1].pier)
+            .map(|two| two[1].time_s)
+            .collect();
+        let [turned_s] = turned[..] else { panic!("{seed}: turned over at {turned:?} s") };
+        assert!(turns <= 2, "{seed}: {turns}");
+        let lost = went.truth.iter().filter(|row| {
+            (60.0 + 25.0..60.0 + seconds).contains(&row.time_s) && row.off_arcsec > 200.0
+        });
+        let lost_s = lost.count() as f64 * 0.1;
+        println!("{seed}: crosses at {crosses:.0} s of {seconds:.0} s, lost {lost_s:.1} s");
+        assert!(lost_s < 60.0, "{seed}: {lost_s}");
+        for (name, from_s, to_s) in
+            [("before", 25.0, turned_s - 40.0), ("after", turned_s + 30.0, seconds)]
+        {
+            let rows = seen.iter().filter(|(at, ..)| (from_s..to_s).contains(at));
+            let rows: Vec<_> = rows.map(|(_, side, at)| (*side, *at)).collect();
+            if to_s - from_s < 30.0 {
+                continue;
+            }
+            compared += 1;
+            assert!(rows.len() > 100, "{seed} {name}: {} frames", rows.len());
+            let rms = |i: usize, at: f64| {
+                let sum: f64 = rows.iter().map(|(_, seen)| (seen[i] - at).powi(2)).sum();
+                (sum / rows.len() as f64).sqrt()
+            };
+            let (x, y) = (rms(0, 90.0), rms(1, -120.0));
+            assert!(x.hypot(y) < 5.0, "{seed} {name}: {x:.1}″ {y:.1}″ {:?}", rows.last());
+        }
+    }
+    assert!(compared >= 10, "{compared}");
 }
 
 /// Truth: the virtual telescope's own, and Pythagoras: a target that is kept 90″ and −120″ from the finder's middle is 150″ from the axis, within 5″ as when it is kept there; after a jog of as

@@ -4,6 +4,7 @@ use crate::Product;
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
+use sunglint_observatory::telescope::Gone;
 
 /// How a goto went.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -12,8 +13,9 @@ pub struct GotoReport {
     pub target: String,
     /// Address of the mount.
     pub mount: String,
-    /// How far from the target each frame looked, arcsec; empty where none was taken.
-    pub off_arcsec: Vec<f64>,
+    /// How far from the target each frame looked, arcsec (empty where none was taken), and how the camera sees the axes.
+    #[serde(flatten)]
+    pub gone: Gone,
     /// Whether the mount was told where it is.
     pub synced: bool,
 }
@@ -24,11 +26,11 @@ impl GotoReport {
     /// # Errors
     /// None: numbers that JSON cannot hold are `null`.
     pub fn product(&self) -> Result<Product, serde_json::Error> {
-        let rounds = (1..=self.off_arcsec.len()).map(|round| round as f64).collect();
+        let rounds = (1..=self.gone.off_arcsec.len()).map(|round| round as f64).collect();
         let table = Table {
             columns: vec![
                 Column::f64("frame", None, rounds),
-                Column::f64("off_arcsec", Some("arcsec"), self.off_arcsec.clone()),
+                Column::f64("off_arcsec", Some("arcsec"), self.gone.off_arcsec.clone()),
             ],
             ..Table::default()
         };
@@ -39,17 +41,27 @@ impl GotoReport {
     /// Text for a person.
     pub fn text(&self) -> String {
         let mut text = format!("{} at {}", self.mount, self.target);
-        match self.off_arcsec.as_slice() {
+        match self.gone.off_arcsec.as_slice() {
             [] => text.push_str(", by its own reckoning\n"),
             [one] => {
                 let _ = writeln!(text, ": its frame looks {one:.0}″ beside");
             }
             [first, .., last] => {
-                let frames = self.off_arcsec.len();
+                let frames = self.gone.off_arcsec.len();
                 let _ = writeln!(
                     text,
                     ": the first frame looked {first:.0}″ beside, the last of {frames} {last:.0}″"
                 );
+            }
+        }
+        if let Some(camera) = &self.gone.camera {
+            text.push_str("for the plan's [mount], of this camera:\n");
+            let angle = camera.camera_angle_deg;
+            let _ = writeln!(text, "  camera_angle_deg = {angle:.2}");
+            let _ = writeln!(text, "  camera_mirrored = {}", camera.camera_mirrored);
+            let _ = writeln!(text, "  pixel_scale_arcsec = {:.4}", camera.pixel_scale_arcsec);
+            if let Some(pier) = camera.camera_angle_pier {
+                let _ = writeln!(text, "  camera_angle_pier = \"{}\"", pier.word());
             }
         }
         if self.synced {

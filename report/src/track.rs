@@ -149,10 +149,11 @@ pub fn plan_text(plan: &PassPlan, mount: &str) -> String {
             [] => text.push_str("  does not cross the meridian: no flip\n"),
             times => {
                 let times: Vec<String> = times.iter().map(|s| format!("{s:.0} s")).collect();
-                let what = if plan.turns_over {
-                    "the mount may turn over there, which takes 15 to 30 s"
-                } else {
-                    "the mount says nothing of its pier side"
+                let at: Vec<String> = plan.turns_s.iter().map(|s| format!("{s:.0} s")).collect();
+                let what = match (plan.turns_over, at.as_slice()) {
+                    (false, _) => "the mount says nothing of its pier side".to_owned(),
+                    (true, []) => "the mount can stay on its side of the pier".to_owned(),
+                    (true, at) => format!("the mount turns over at {}", at.join(", ")),
                 };
                 let _ = writeln!(text, "  crosses the meridian at {}: {what}", times.join(", "));
             }

@@ -33,6 +33,9 @@ pub struct TelescopeOptions {
     pub axes: MountAxes,
     /// Site: geodetic latitude and longitude (east), deg.
     pub site_deg: [f64; 2],
+    /// A German mount, which stands still this far past the meridian, deg of hour angle: it turns over where a goto ends on the other side, and its tube and
+    /// camera are upside down west of the pier. `None` of a fork. Only with equatorial axes.
+    pub past_meridian_deg: Option<f64>,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,
     /// Strongest acceleration, deg/s².
@@ -78,6 +81,7 @@ impl Default for TelescopeOptions {
         Self {
             axes: MountAxes::Horizontal,
             site_deg: [48.78, 9.18],
+            past_meridian_deg: None,
             fastest_deg_s: 10.0,
             acceleration_deg_s2: 10.0,
             motor_s: 0.05,
@@ -102,6 +106,13 @@ impl Default for TelescopeOptions {
 }
 
 impl TelescopeOptions {
+    /// Angles of the first motor of a German mount, rad.
+    fn span_rad(&self) -> Option<[f64; 2]> {
+        let past = self.past_meridian_deg.filter(|_| self.axes == MountAxes::Equatorial)?;
+        let past = past.to_radians();
+        Some([-past, std::f64::consts::PI + past])
+    }
+
     /// Sets each option by what a closure does to the defaults.
     #[must_use]
     pub fn with(mut self, set: impl FnOnce(&mut Self)) -> Self {
@@ -141,6 +152,8 @@ struct Tube {
     queue: VecDeque<(f64, Command)>,
     following_stars: bool,
     parked: bool,
+    /// Whether a German mount ran into an end of its first axis.
+    hit_end: bool,
     wobble: DMat3,
     random: Xoshiro256PlusPlus,
     /// Truth: where the tube pointed at the middle of each frame, and the target's offset, arcsec.
@@ -230,6 +243,7 @@ impl Telescope {
             queue: VecDeque::new(),
             following_stars: false,
             parked: false,
+            hit_end: false,
             wobble,
             random,
             truth: Vec::new(),
@@ -251,6 +265,7 @@ impl Telescope {
         let rates = MountRates::Continuous { most_deg_s: [most, most] };
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
+        abilities.tells_pier_side = tube.options.span_rad().is_some();
         drop(tube);
         VirtualMount { tube: self.clone(), abilities }
     }
@@ -270,6 +285,11 @@ impl Telescope {
     pub fn with_history(self) -> Self {
         self.lock().history = Some(VecDeque::new());
         self
+    }
+
+    /// Whether a German mount ran into an end of its first axis.
+    pub fn hit_end(&self) -> bool {
+        self.lock().hit_end
     }
 
     /// Moves the motors on to the clock's time.
@@ -396,12 +416,13 @@ impl Tube {
                 }
             }
         }
+        let shake = [self.normal(), self.normal()];
         let options = &self.options;
         let fastest = options.fastest_deg_s.to_radians();
         let strongest = options.acceleration_deg_s2.to_radians();
         let play = options.backlash_arcsec * ARCSEC_RAD;
         let (motor_s, wind) = (options.motor_s, options.wind_arcsec * ARCSEC_RAD);
-        let shake = [self.normal(), self.normal()];
+        let span = options.span_rad();
         for (i, motor) in self.motors.iter_mut().enumerate() {
             let mut wanted = motor.rate;
             if let Some(goal) = motor.goal {
@@ -422,6 +443,15 @@ impl Tube {
             let before = motor.speed;
             motor.speed += pull * STEP_S;
             motor.angle += 0.5 * (before + motor.speed) * STEP_S;
+            if let (0, Some([least, most])) = (i, span)
+                && !(least..=most).contains(&motor.angle)
+            {
+                // The switches at the ends.
+                motor.angle = motor.angle.clamp(least, most);
+                (motor.speed, motor.rate, motor.goal) = (0.0, 0.0, None);
+                self.following_stars = false;
+                self.hit_end = true;
+            }
             // The axis is pushed along by either flank of the gear.
             motor.axis = motor.axis.clamp(motor.angle - play, motor.angle);
             let memory = (-STEP_S / 1.0_f64).exp();
@@ -519,6 +549,11 @@ impl Tube {
         (280.460_618_37 + 360.985_647_366_29 * days + self.options.site_deg[1]).to_radians()
     }
 
+    /// Whether the tube of a German mount hangs west of its pier: beyond the pole of the second axis.
+    fn is_turned(&self) -> bool {
+        self.options.span_rad().is_some() && self.motors[1].angle > std::f64::consts::FRAC_PI_2
+    }
+
     fn moving(&self) -> bool {
         self.motors.iter().any(|motor| motor.goal.is_some())
             || self.queue.iter().any(|(_, command)| matches!(command, Command::Goto(..)))
@@ -553,7 +588,10 @@ impl Mount for VirtualMount {
         tube.advance();
         let noise = tube.options.encoder_arcsec * ARCSEC_RAD;
         let noise = [noise * tube.normal(), noise * tube.normal()];
-        let angle = [0, 1].map(|i| tube.motors[i].angle + noise[i]);
+        let mut angle = [0, 1].map(|i| tube.motors[i].angle + noise[i]);
+        if tube.is_turned() {
+            angle = [angle[0] - std::f64::consts::PI, std::f64::consts::PI - angle[1]];
+        }
         // The motors stand at their last step, not at the clock's time.
         let utc = tube.start + tube.now_s * Unit::Second;
         let place = match tube.options.axes {
@@ -579,7 +617,10 @@ impl Mount for VirtualMount {
         } else {
             MountMotion::Still
         };
-        let pier: Option<PierSide> = None;
+        let pier = tube.options.span_rad().map(|_| match tube.is_turned() {
+            true => PierSide::West,
+            false => PierSide::East,
+        });
         Ok(MountReading { utc, place, pier, motion })
     }
 
@@ -607,7 +648,16 @@ impl Mount for VirtualMount {
         let now = tube.motors[0].angle;
         let turn = std::f64::consts::TAU;
         let half = turn / 2.0;
-        let first = now + (goal[0] - now + half).rem_euclid(turn) - half;
+        let mut goal = goal;
+        let mut first = now + (goal[0] - now + half).rem_euclid(turn) - half;
+        if tube.options.span_rad().is_some() {
+            // Hour angle from the east by the south to the west.
+            let hour_angle = (goal[0] + half).rem_euclid(turn) - half;
+            (first, goal[1]) = match hour_angle < 0.0 {
+                true => (hour_angle + half, half - goal[1]),
+                false => (hour_angle, goal[1]),
+            };
+        }
         let stars = tube.options.axes == MountAxes::Equatorial;
         tube.send(Command::Goto([first, goal[1]], stars));
         Ok(())
@@ -638,7 +688,8 @@ impl Mount for VirtualMount {
                 reason: "it is parked: unpark it first",
             });
         }
-        tube.send(Command::Rates(deg_s.map(f64::to_radians)));
+        let sense = if tube.is_turned() { -1.0 } else { 1.0 };
+        tube.send(Command::Rates([deg_s[0].to_radians(), sense * deg_s[1].to_radians()]));
         Ok(())
     }
 
@@ -675,6 +726,10 @@ impl Mount for VirtualMount {
 impl Finder for VirtualFinder {
     fn half_width_deg(&self) -> f64 {
         self.tube.lock().options.field_deg
+    }
+
+    fn side(&self) -> Option<PierSide> {
+        self.tube.lock().options.span_rad().map(|_| PierSide::East)
     }
 
     fn frame(&mut self, _: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {

@@ -32,12 +32,23 @@ pub enum MountRates {
 }
 
 /// Side of the pier on which the telescope hangs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum PierSide {
     /// East of the pier: it looks west.
     East,
     /// West of the pier: it looks east.
     West,
+}
+
+impl PierSide {
+    /// Its word in files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::East => "east",
+            Self::West => "west",
+        }
+    }
 }
 
 /// Abilities of a mount.
@@ -136,7 +147,7 @@ impl MountReading {
         }
         add("motion", Value::Text(format!("{:?}", self.motion).to_lowercase()));
         if let Some(pier) = self.pier {
-            add("pier_side", Value::Text(format!("{pier:?}").to_lowercase()));
+            add("pier_side", Value::Text(pier.word().into()));
         }
         if let Some([primary, secondary]) = abilities.continuous_deg_s() {
             add("most_rate_deg_s", Value::Number(primary.min(secondary)));
@@ -254,6 +265,12 @@ pub struct FinderFrame {
 pub trait Finder: Send {
     /// Half the width of its field, deg.
     fn half_width_deg(&self) -> f64;
+
+    /// Side of the pier on which its offsets grow with the mount's axes; on the other side, where a German mount looks with the camera upside down, they grow against
+    /// them. `None` where they always grow with the axes.
+    fn side(&self) -> Option<PierSide> {
+        None
+    }
 
     /// The last frame that is finished, if it was not given yet. The call does not wait.
     ///

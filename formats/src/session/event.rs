@@ -161,6 +161,9 @@ pub enum What {
         /// Learnt distance of a satellite to the left of its track, arcsec.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         left_arcsec: Option<f64>,
+        /// Side of the pier on which a German mount hangs: `east` (it looks west) or `west`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pier: Option<String>,
         /// Whether this is a change of the state, not one of the lines of each second.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         changed: bool,

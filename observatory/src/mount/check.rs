@@ -20,8 +20,6 @@ use sunglint_drivers::device::{
 
 /// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
 const SETTLE_S: f64 = 10.0;
-/// Time that a German mount needs to turn over, s.
-const FLIP_S: f64 = 30.0;
 
 /// Answers of a mount that was asked.
 struct Said {
@@ -100,6 +98,15 @@ pub(crate) fn check_mount(
             };
             found.error(about, format!("it takes {has}, no continuous ones: it follows nothing"));
         }
+        if said.abilities.tells_pier_side
+            && mount.camera.is_some()
+            && mount.camera_angle_pier.is_none()
+        {
+            found.error(
+                about,
+                "it turns over at the meridian, and its camera is upside down after it: `camera_angle_pier` is missing in the plan, the side of the pier (east or west) on which `camera_angle_deg` holds; its frames would correct nothing",
+            );
+        }
         if mount.park && !said.abilities.parks {
             found.warning(about, "it cannot be parked: at the end it stands where it is");
         }
@@ -153,7 +160,14 @@ fn check_visits(
         let from = stands
             .map(|(angle, _)| angle)
             .or_else(|| said.map(|said| path.angles_of(&said.reading)).filter(|_| number == 0));
-        let pass = PassPlan::new(&visit.target.name, &path, guard, abilities, from);
+        let pass = PassPlan::new(
+            &visit.target.name,
+            &path,
+            guard,
+            abilities,
+            from,
+            mount.past_meridian_deg(),
+        );
         if let Some(why) = &pass.refused {
             found.error(&about, format!("the mount will not follow it: {why}"));
             continue;
@@ -176,11 +190,13 @@ fn check_visits(
                 ));
             }
         }
-        if pass.turns_over && !pass.meridian_s.is_empty() {
-            let at = pass.meridian_s.iter().map(|s| format!("{s:.0} s")).collect::<Vec<_>>();
+        if !pass.turns_s.is_empty() {
+            let at = pass.turns_s.iter().map(|s| format!("{s:.0} s")).collect::<Vec<_>>();
             found.warning(&about, format!(
-                "it crosses the meridian {} after it begins: a German mount turns over there and loses about {FLIP_S:.0} s",
-                at.join(" and ")
+                "the mount turns over {} after it begins, {:.0}° past the meridian (`past_meridian_deg`), and loses about {:.0} s",
+                at.join(" and "),
+                mount.past_meridian_deg(),
+                180.0 / mount.slew_deg_s() + SETTLE_S
             ));
         }
         if let Some(keyhole) = &pass.keyhole {

@@ -33,7 +33,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use sunglint_drivers::clock::Deadline;
-use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountMotion, MountSite};
+use sunglint_drivers::device::{
+    DeviceError, Finder, Mount, MountAbilities, MountAxes, MountMotion, MountSite,
+};
 use sunglint_formats::session::{Target, What};
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
@@ -49,6 +51,8 @@ const LINE: Duration = Duration::from_millis(999);
 const MINUTE: Duration = Duration::from_secs(60);
 /// Time that parking may take, and two looks, min.
 const PARKS_MIN: f64 = 3.25;
+/// What a plan for a German mount lacks.
+const NO_SIDE: &str = "this mount turns over at the meridian, and its camera is upside down after it: on which side of the pier `camera_angle_deg` holds is not said (`camera_angle_pier`, east or west; `pier` in the events of a session): its frames correct nothing";
 /// How far ahead of the Sun a telescope that stands is moved away, min.
 const AHEAD_MIN: f64 = 10.0;
 
@@ -171,6 +175,9 @@ impl MountWork {
                     return Err(DeviceError::NotReady { device: DEVICE, reason });
                 }
             }
+        }
+        if self.sights.is_some() && !self.knows_side(&abilities) {
+            self.tell(NO_SIDE, worker);
         }
         worker.works();
         let done = self.follow_schedule(mount.as_mut(), &guard, &mut dog, worker);
@@ -382,10 +389,16 @@ impl MountWork {
         };
         let stands = path.angles_of(&mount.reading(&worker.within(SOON))?);
         let name = &job.visit.target.name;
-        let plan = PassPlan::new(name, &path, guard, &abilities, Some(stands));
+        let plan = {
+            let past_deg = self.plan.past_meridian_deg();
+            PassPlan::new(name, &path, guard, &abilities, Some(stands), past_deg)
+        };
         if let Some(why) = &plan.refused {
             self.bar(job, why, worker);
             return Ok(());
+        }
+        for turn_s in &plan.turns_s {
+            worker.status.say(format!("{name}: the mount turns over after {turn_s:.0} s"));
         }
         if let Some(keyhole) = &plan.keyhole {
             worker.status.say(format!(
@@ -395,13 +408,15 @@ impl MountWork {
         }
         (self.parked, self.stands, self.park_at, self.park_said) = (false, false, None, None);
         self.aim.set(AimState::Away);
-        let mut finder = self.sights.as_ref().filter(|_| job.is_seen()).map(|sights| {
+        let sees = job.is_seen() && self.knows_side(&abilities);
+        let mut finder = self.sights.as_ref().filter(|_| sees).map(|sights| {
             sights.clear();
             CameraFinder(sights.clone())
         });
         let mut options = self.track_options(worker);
         options.unpark = std::mem::take(&mut self.may_unpark);
         options.estimator.frame_s = self.frame_s;
+        options.past_meridian_deg = self.plan.past_meridian_deg();
         options.latency_s = self.plan.latency_s.map_or(options.latency_s, |latency| latency.get());
         options.reach_arcsec = match (self.plan.reach_arcsec, &self.sights) {
             (Some(reach), _) => reach.get(),
@@ -467,6 +482,12 @@ impl MountWork {
         }
     }
 
+    /// Whether it is known how the camera sees the axes of this mount.
+    fn knows_side(&self, abilities: &MountAbilities) -> bool {
+        let side = self.sights.as_ref().and_then(|sights| sights.view().side);
+        side.is_some() || !abilities.tells_pier_side
+    }
+
     /// A visit that cannot be: the mount stands, and the night goes on with the next one.
     fn bar(&mut self, job: &Job, why: &str, worker: &Worker) {
         self.barred.push((job.visit.target.clone(), job.visit.from));
@@ -529,6 +550,7 @@ impl MountWork {
             seen_arcsec: step.and_then(|step| step.seen_arcsec),
             ahead_s: satellite.map(|step| step.ahead_s),
             left_arcsec: satellite.map(|step| step.left_arcsec),
+            pier: step.and_then(|step| step.pier).map(|pier| pier.word().to_owned()),
             changed,
         };
         worker.disk.event(utc, what);

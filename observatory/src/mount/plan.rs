@@ -5,7 +5,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
-use sunglint_drivers::device::MountAxes;
+use sunglint_drivers::device::{MountAxes, PierSide};
 use sunglint_formats::ParseError;
 use sunglint_formats::session::Session;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
@@ -45,6 +45,12 @@ pub struct MountPlan {
     /// Whether its columns run the other way.
     #[serde(default)]
     pub camera_mirrored: bool,
+    /// Side of the pier of a German mount on which `camera_angle_deg` holds: on the other side the camera is upside down.
+    #[serde(default)]
+    pub camera_angle_pier: Option<PierSide>,
+    /// How far past the meridian a German mount follows before it turns over, deg of hour angle.
+    #[serde(default)]
+    pub past_meridian_deg: Option<Within<0, 85>>,
     /// Angle that a pixel sees, arcsec; the station's without.
     #[serde(default)]
     pub pixel_scale_arcsec: Option<Positive>,
@@ -122,6 +128,11 @@ impl MountPlan {
         self.sun_limit_deg.map_or(30.0, Within::get)
     }
 
+    /// How far past the meridian a German mount follows before it turns over, deg.
+    pub fn past_meridian_deg(&self) -> f64 {
+        self.past_meridian_deg.map_or(0.0, Within::get)
+    }
+
     /// Speed of a slew, deg/s.
     pub fn slew_deg_s(&self) -> f64 {
         self.slew_deg_s.map_or(2.0, Positive::get)
@@ -170,6 +181,7 @@ impl MountPlan {
             scale_arcsec,
             angle_deg: self.camera_angle_deg.map_or(0.0, Within::get),
             mirrored: self.camera_mirrored,
+            side: self.camera_angle_pier,
             aim_px: self.aim_px(station),
         })
     }
@@ -213,7 +225,10 @@ impl MountPlan {
                     "the angle of a pixel, arcsec: the station has no camera that says it";
                 return Err(wrong("pixel_scale_arcsec", expected));
             }
-        } else if self.camera_angle_deg.is_some() || self.camera_mirrored {
+        } else if self.camera_angle_deg.is_some()
+            || self.camera_mirrored
+            || self.camera_angle_pier.is_some()
+        {
             return Err(wrong("camera", "the name of the camera that these keys are about"));
         }
         Ok(())
@@ -261,6 +276,8 @@ pub struct View {
     pub angle_deg: f64,
     /// Whether columns run the other way.
     pub mirrored: bool,
+    /// Side of the pier on which this holds.
+    pub side: Option<PierSide>,
     /// Where the target is kept, px from the middle of the sensor.
     pub aim_px: [f64; 2],
 }

@@ -6,7 +6,7 @@ use hifitime::{Epoch, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::Deadline;
-use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, Spot};
+use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, PierSide, Spot};
 use sunglint_formats::Frame;
 
 /// Frames that wait at most: the newest count.
@@ -153,6 +153,10 @@ impl Finder for CameraFinder {
         (self.0.half_arcsec() / 3600.0).max(1.0 / 60.0)
     }
 
+    fn side(&self) -> Option<PierSide> {
+        self.0.view.side
+    }
+
     fn frame(&mut self, _: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {
         Ok(self.0.frames().pop_front())
     }
@@ -172,6 +176,7 @@ mod tests {
             scale_arcsec: 2.0,
             angle_deg,
             mirrored,
+            side: None,
             aim_px: [5.0, -3.0],
         };
         let place = [15.0, -23.0];

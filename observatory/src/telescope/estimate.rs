@@ -12,17 +12,21 @@ pub(super) struct Drift {
     pub value: f64,
     pub rate: f64,
     covariance: [f64; 3],
+    /// Largest variance of the rate: what it wanders by does not grow without end.
+    most: f64,
 }
 
 impl Drift {
     /// Nothing known but the spread of value and rate.
     pub fn new(sigma: f64, rate_sigma: f64) -> Self {
-        Self { value: 0.0, rate: 0.0, covariance: [sigma * sigma, 0.0, rate_sigma * rate_sigma] }
+        let most = rate_sigma * rate_sigma;
+        Self { value: 0.0, rate: 0.0, covariance: [sigma * sigma, 0.0, most], most }
     }
 
-    /// Known with these standard deviations.
-    pub fn known(value: f64, sigma: f64, rate_sigma: f64) -> Self {
-        Self { value, ..Self::new(sigma, rate_sigma) }
+    /// This one, known anew with these standard deviations.
+    pub fn known(self, value: f64, sigma: f64, rate_sigma: f64) -> Self {
+        let known = Self::new(sigma, rate_sigma);
+        Self { value, most: self.most.max(known.most), ..known }
     }
 
     pub fn sigma(&self) -> f64 {
@@ -43,6 +47,12 @@ impl Drift {
             vr + dt_s * rr + q * dt_s * dt_s / 2.0,
             rr + q * dt_s,
         ];
+        let [vv, vr, rr] = &mut self.covariance;
+        if *rr > self.most {
+            *rr = self.most;
+            let most = (*vv * *rr).sqrt();
+            *vr = vr.clamp(-most, most);
+        }
     }
 
     /// Learns from a measurement of the value's error.
@@ -182,8 +192,8 @@ impl Estimator {
         // A click hits the light's middle by some pixels only, and its rate is not known.
         let (sigma, rate) = (CLICK_SIGMAS * self.options.measured_arcsec, CLICK_RATE_ARCSEC_S);
         let later_s = self.offset.along.value + along / speed;
-        self.offset.along = Drift::known(later_s, sigma / speed, rate / speed);
-        self.offset.across = Drift::known(left, sigma, rate);
+        self.offset.along = self.offset.along.known(later_s, sigma / speed, rate / speed);
+        self.offset.across = self.offset.across.known(left, sigma, rate);
         self.at_s = Some(time_s);
         self.locked = true;
         self.trails.clear();

@@ -1,18 +1,22 @@
 //! Going to a place on the sky, corrected by where the frames look.
 
-use super::path::{PathError, TargetPath, angles};
+use super::path::{PathError, TargetPath, angles, wrapped};
 use super::safety::Guard;
 use super::steer::Orders;
 use super::tracker::{PARKED, STOPPED, TrackError, TrackOptions, TrackStep, Tracker, off_of};
+use glam::DVec3;
 use hifitime::Epoch;
+use serde::Serialize;
 use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{DeviceError, Mount, MountMotion};
+use sunglint_drivers::device::{DeviceError, Mount, MountMotion, MountReading, PierSide};
 use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Site, Star, StarError};
 
 /// Length of the path towards a target, s.
 const PATH_S: f64 = 900.0;
+/// Length of the way upwards by which the turn of a frame is found, rad.
+const UP_RAD: f64 = 1e-3;
 /// A frame that looks farther from where the mount says than this is no error of pointing, deg.
 const MOST_OFF_DEG: f64 = 10.0;
 /// Time for an answer of the mount.
@@ -113,6 +117,35 @@ pub struct Looks {
     pub middle: Epoch,
     /// Right ascension and declination of its middle, deg, ICRS.
     pub sky_deg: [f64; 2],
+    /// Direction of its upward rows (towards row 0), deg from north through east.
+    pub up_deg: f64,
+    /// Whether it is mirrored: east is to the right where north is up.
+    pub is_mirrored: bool,
+    /// Angle that a pixel of the sensor sees, arcsec.
+    pub scale_arcsec: f64,
+}
+
+/// How a camera sees the axes of the mount: what a plan's `[mount]` asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraAxes {
+    /// `camera_angle_deg`: turn of the camera, deg, -180 to 180.
+    pub camera_angle_deg: f64,
+    /// `camera_mirrored`: whether its columns run the other way.
+    pub camera_mirrored: bool,
+    /// `pixel_scale_arcsec`: angle that a pixel sees, arcsec.
+    pub pixel_scale_arcsec: f64,
+    /// `camera_angle_pier`: side of the pier of a German mount on which this holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_angle_pier: Option<PierSide>,
+}
+
+/// How a goto went.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Gone {
+    /// How far off each frame was, arcsec.
+    pub off_arcsec: Vec<f64>,
+    /// How the last frame saw the axes.
+    pub camera: Option<CameraAxes>,
 }
 
 /// Takes a frame and says where it looks.
@@ -152,13 +185,36 @@ impl Goto<'_> {
         }
     }
 
-    fn motion(&mut self, cancel: &Cancel) -> Result<MountMotion, DeviceError> {
+    fn reading(&mut self, cancel: &Cancel) -> Result<MountReading, DeviceError> {
         let soon = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
-        Ok(self.mount.reading(&soon)?.motion)
+        self.mount.reading(&soon)
     }
 
-    /// Goes to a target. With `look`, it is corrected by where the frames look until it is near enough; gives how far off each frame was, arcsec. A mount that follows the
-    /// stars after a goto does so in the end.
+    /// How a frame that looks there sees the axes of a mount on this side of the pier.
+    fn camera(&self, looks: &Looks, pier: Option<PierSide>) -> Result<CameraAxes, GotoError> {
+        let [ra, dec] = looks.sky_deg.map(f64::to_radians);
+        let middle = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        let north = DVec3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
+        let east = DVec3::new(-ra.sin(), ra.cos(), 0.0);
+        let (sin, cos) = looks.up_deg.to_radians().sin_cos();
+        let above = middle + UP_RAD * (cos * north + sin * east);
+        let at = |sky: DVec3| -> Result<DVec3, GotoError> {
+            let ra_deg = sky.y.atan2(sky.x).to_degrees().rem_euclid(360.0);
+            let dec_deg = sky.normalize().z.clamp(-1.0, 1.0).asin().to_degrees();
+            let star = Star::at("a place of the frame", Equatorial { ra_deg, dec_deg })?;
+            let path = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
+            Ok(path.at(0.0).direction)
+        };
+        let [first, second] = off_of(at(middle)?, at(above)?);
+        Ok(CameraAxes {
+            camera_angle_deg: wrapped((-first).atan2(second).to_degrees()),
+            camera_mirrored: looks.is_mirrored,
+            pixel_scale_arcsec: looks.scale_arcsec,
+            camera_angle_pier: pier,
+        })
+    }
+
+    /// Goes to a target. With `look`, it is corrected by where the frames look until it is near enough. A mount that follows the stars after a goto does so in the end.
     ///
     /// # Errors
     /// See [`GotoError`]. A goto that was broken off ends in a stop.
@@ -168,9 +224,9 @@ impl Goto<'_> {
         mut look: Option<&mut Look<'_>>,
         cancel: &Cancel,
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
-    ) -> Result<Vec<f64>, GotoError> {
+    ) -> Result<Gone, GotoError> {
         let orders = Orders::default();
-        let mut offs = Vec::new();
+        let (mut offs, mut camera) = (Vec::new(), None);
         loop {
             let path = self.path(target, self.clock.utc())?;
             let (clock, options) = (self.clock.clone(), self.options.track);
@@ -179,15 +235,16 @@ impl Goto<'_> {
             if !tracker.go(cancel, each)? {
                 return Err(CANCELLED.into());
             }
-            let Some(look) = look.as_mut() else { return Ok(offs) };
+            let Some(look) = look.as_mut() else { return Ok(Gone { off_arcsec: offs, camera }) };
             let settle = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
             let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
             settle.sleep(rest).map_err(|_| CANCELLED)?;
             // What is parked or stopped from now on is somebody else's.
             self.options.track.unpark = false;
-            let before = self.motion(cancel)?;
+            let before = self.reading(cancel)?;
             let looked = look(cancel);
-            match (before, self.motion(cancel)?) {
+            let after = self.reading(cancel)?;
+            match (before.motion, after.motion) {
                 (_, MountMotion::Parked) => return Err(TrackError::ByHand { what: PARKED }.into()),
                 (_, MountMotion::Slewing) | (MountMotion::Tracking, MountMotion::Still) => {
                     return Err(TrackError::ByHand { what: STOPPED }.into());
@@ -199,6 +256,7 @@ impl Goto<'_> {
             let star = Star::at("the frame's middle", Equatorial { ra_deg, dec_deg })?;
             let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
             let seen_at = seen.at(0.0).direction;
+            camera = Some(self.camera(&looks, after.pier)?);
             let wanted = path.at(path.time_s(looks.middle)).direction;
             let off_arcsec = wanted.angle_between(seen_at).to_degrees() * 3600.0;
             offs.push(off_arcsec);
@@ -211,7 +269,7 @@ impl Goto<'_> {
                     let soon = Deadline::after(self.clock.clock.clone(), SOON);
                     self.mount.sync(place, &soon.with_cancel(cancel))?;
                 }
-                return Ok(offs);
+                return Ok(Gone { off_arcsec: offs, camera });
             }
             if offs.len() >= self.options.rounds {
                 let (rounds, tolerance_arcsec) = (offs.len(), self.options.tolerance_arcsec);

@@ -14,6 +14,7 @@ mod goto;
 mod hold;
 mod park;
 mod path;
+mod pier;
 mod plan;
 mod safety;
 mod steer;
@@ -22,7 +23,7 @@ pub mod watchdog;
 mod weather;
 
 pub use estimate::EstimatorOptions;
-pub use goto::{Goto, GotoError, GotoOptions, GotoTarget, Look, Looks};
+pub use goto::{CameraAxes, Gone, Goto, GotoError, GotoOptions, GotoTarget, Look, Looks};
 pub use park::{Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};

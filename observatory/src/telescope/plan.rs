@@ -1,6 +1,7 @@
 //! Plan of a pass: what the mount will have to do, before it moves.
 
 use super::path::{TargetPath, angles, direction, wrapped};
+use super::pier;
 use super::safety::{Danger, Guard};
 use serde::Serialize;
 use sunglint_drivers::device::{MountAbilities, MountAxes};
@@ -105,6 +106,8 @@ pub struct PassPlan {
     pub meridian_s: Vec<f64>,
     /// Whether this mount turns over at the meridian.
     pub turns_over: bool,
+    /// Times of the path at which it does, s.
+    pub turns_s: Vec<f64>,
     /// Stretch in which the first axis cannot follow.
     pub keyhole: Option<Keyhole>,
     /// Least distance of the path from the Sun, deg.
@@ -118,13 +121,14 @@ pub struct PassPlan {
 }
 
 impl PassPlan {
-    /// Plans a path for a mount that stands at these angles now, deg, where that is known.
+    /// Plans a path for a mount that stands at these angles now, deg, where that is known, and that turns over `past_meridian_deg` past the meridian where it has to.
     pub fn new(
         target: &str,
         path: &TargetPath,
         guard: &Guard,
         abilities: &MountAbilities,
         stands_deg: Option<[f64; 2]>,
+        past_meridian_deg: f64,
     ) -> Self {
         let frame = path.frame();
         let count = (path.seconds() / STEP_S) as usize;
@@ -187,6 +191,10 @@ impl PassPlan {
             detour,
             meridian_s,
             turns_over: abilities.tells_pier_side,
+            turns_s: match abilities.tells_pier_side {
+                true => pier::turns_s(path, past_meridian_deg),
+                false => Vec::new(),
+            },
             keyhole,
             sun_deg,
             sun_altitude_deg: sun.altitude_deg,

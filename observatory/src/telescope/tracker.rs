@@ -3,6 +3,7 @@
 use super::estimate::{ARCSEC, Estimator, EstimatorOptions, Found};
 use super::hold::Hold;
 use super::path::{TargetPath, angles, direction, wrapped};
+use super::pier;
 use super::plan::Keyhole;
 use super::safety::{Danger, Guard};
 use super::steer::{Order, Orders};
@@ -52,6 +53,8 @@ pub struct TrackOptions {
     pub reach_arcsec: f64,
     /// Whether a mount that is found parked is freed: not where somebody else parked it.
     pub unpark: bool,
+    /// How far past the meridian a mount that tells its side of the pier follows before it is turned over, deg of hour angle.
+    pub past_meridian_deg: f64,
 }
 
 impl Default for TrackOptions {
@@ -69,6 +72,7 @@ impl Default for TrackOptions {
             watch_clock: true,
             reach_arcsec: 1800.0,
             unpark: true,
+            past_meridian_deg: 0.0,
         }
     }
 }
@@ -79,6 +83,12 @@ const AMONG_STARS_RAD_S: f64 = 1e-5;
 const EMPTY: u32 = 3;
 /// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
 const ARRIVES_DEG: f64 = 2.0;
+/// Time after which a mount says that it slews, s.
+const BEGINS_S: f64 = 5.0;
+/// A mount that is sent so far past the end of the side that it says, deg, names its sides in another way.
+const OWN_CHOICE_DEG: f64 = 5.0;
+/// Time that a mount takes to begin and end the turn over, beside the way, s.
+const TURN_ENDS_S: f64 = 5.0;
 /// Farthest from the finder's middle that a target is kept, arcsec: 2°.
 const FARTHEST_ARCSEC: f64 = 7200.0;
 /// Texts of what somebody else did.
@@ -135,6 +145,8 @@ pub struct TrackStep {
     pub altitude_deg: f64,
     /// Azimuth of the mount's direction, deg.
     pub azimuth_deg: f64,
+    /// Side of the pier, where the mount says it.
+    pub pier: Option<PierSide>,
 }
 
 /// Reason why a tracking ended before its path did.
@@ -219,6 +231,8 @@ pub struct Tracker<'a> {
     motion: Option<MountMotion>,
     /// Whether it was seen following the rates that it was given.
     followed: bool,
+    /// Side of the pier from which it did not turn over when it should have: it is not asked again.
+    stays: Option<PierSide>,
     most_deg_s: [f64; 2],
     seen_arcsec: Option<f64>,
     search_from_s: Option<f64>,
@@ -264,6 +278,7 @@ impl<'a> Tracker<'a> {
             pier: None,
             motion: None,
             followed: false,
+            stays: None,
             most_deg_s: [0.0; 2],
             seen_arcsec: None,
             search_from_s: None,
@@ -325,7 +340,7 @@ impl<'a> Tracker<'a> {
     ) -> Result<bool, TrackError> {
         self.cancel = cancel.clone();
         self.zero_step_s = clock_offset_s();
-        let went = self.slew(each);
+        let went = self.slew(self.options.lead_s, each);
         if matches!(went, Ok(true) | Err(TrackError::ByHand { what: PARKED })) {
             return went;
         }
@@ -373,11 +388,20 @@ impl<'a> Tracker<'a> {
         Ok(())
     }
 
+    /// An offset that the finder, or a person by its frames, gives: along the growing axes on the side of the pier on which the mount hangs.
+    fn along_axes(&self, of_finder: [f64; 2]) -> [f64; 2] {
+        let side = self.finder.as_ref().and_then(|finder| finder.side());
+        let turned = side.is_some_and(|side| self.pier.is_some_and(|pier| pier != side));
+        if turned { of_finder.map(|arcsec| -arcsec) } else { of_finder }
+    }
+
     /// Where the telescope should look at a time: at the target, or so that it stands in the frame where a person wants it.
     fn target(&self, time_s: f64) -> DVec3 {
         let target = self.believed(time_s);
         match self.orders.map(Orders::keep_arcsec) {
-            Some([x, y]) if [x, y] != [0.0; 2] => shifted(target, [-x, -y]),
+            Some(keep) if keep != [0.0; 2] => {
+                shifted(target, self.along_axes(keep).map(|arcsec| -arcsec))
+            }
             _ => target,
         }
     }
@@ -436,6 +460,10 @@ impl<'a> Tracker<'a> {
         let reading = self.mount.reading(&self.soon())?;
         let mut angle = self.path.angles_of(&reading);
         let time_s = self.path.time_s(reading.utc);
+        if self.pier != reading.pier {
+            // Frames of before were taken by a camera that was upside down.
+            self.readings.clear();
+        }
         if let Some((_, last)) = self.readings.back() {
             angle[0] = last[0] + wrapped(angle[0] - last[0]);
         }
@@ -512,13 +540,15 @@ impl<'a> Tracker<'a> {
         angle
     }
 
+    /// Goes to where the path begins, or to where the target of one that is on will be in `lead_s`.
     fn slew(
         &mut self,
+        lead_s: f64,
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<bool, TrackError> {
         let frame = self.path.frame();
         let start_s = self.now_s().max(0.0);
-        let mut meet_s = start_s + if start_s > 0.0 { self.options.lead_s } else { 0.0 };
+        let mut meet_s = start_s + if start_s > 0.0 { lead_s } else { 0.0 };
         let here = self.read()?;
         if self.motion == Some(MountMotion::Parked) && !self.options.unpark {
             return Err(TrackError::ByHand { what: PARKED });
@@ -540,8 +570,7 @@ impl<'a> Tracker<'a> {
         for (i, by) in way.iter().enumerate() {
             let last = i + 1 == way.len();
             if last {
-                meet_s = meet_s
-                    .max(self.now_s() + if self.now_s() > 0.0 { self.options.lead_s } else { 0.0 });
+                meet_s = meet_s.max(self.now_s() + if self.now_s() > 0.0 { lead_s } else { 0.0 });
             }
             let angle_to = if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)) };
             let now_s = self.now_s();
@@ -550,6 +579,7 @@ impl<'a> Tracker<'a> {
             let soon = self.soon();
             self.mount.begin_goto(place, &soon)?;
             let begun_s = self.now_s();
+            let mut slewed = false;
             loop {
                 self.sleep(self.options.period_s)?;
                 self.check_clock()?;
@@ -560,20 +590,32 @@ impl<'a> Tracker<'a> {
                     return Ok(false);
                 }
                 let reading = self.mount.reading(&self.soon())?;
+                let after_s = self.now_s() - begun_s;
+                slewed |= reading.motion == MountMotion::Slewing;
                 if reading.motion != MountMotion::Slewing {
+                    // A mount that follows the stars stays at their places.
+                    let goal = match reading.motion {
+                        MountMotion::Tracking => {
+                            self.path.angles_at(place, self.path.time_s(reading.utc))
+                        }
+                        _ => angle_to,
+                    };
                     let there = self.path.angles_of(&reading);
-                    let off = direction(there).angle_between(direction(angle_to)).to_degrees();
+                    let off = direction(there).angle_between(direction(goal)).to_degrees();
                     match reading.motion {
                         MountMotion::Parked => {
                             return Err(TrackError::ByHand { what: PARKED });
                         }
-                        MountMotion::Still if off > ARRIVES_DEG => {
+                        // It has not begun to say so.
+                        MountMotion::Tracking
+                            if off > ARRIVES_DEG && !slewed && after_s < BEGINS_S => {}
+                        // One that was stopped may go back to following the stars.
+                        _ if off > ARRIVES_DEG => {
                             return Err(TrackError::ByHand { what: STOPPED });
                         }
                         _ => break,
                     }
                 }
-                let after_s = self.now_s() - begun_s;
                 if after_s > self.options.slew_within_s {
                     return Err(TrackError::SlewTooLong { after_s });
                 }
@@ -605,6 +647,7 @@ impl<'a> Tracker<'a> {
             sun_deg: self.guard.sun_distance_deg(enu, self.clock.utc()),
             altitude_deg: enu.z.clamp(-1.0, 1.0).asin().to_degrees(),
             azimuth_deg: enu.x.atan2(enu.y).to_degrees().rem_euclid(360.0),
+            pier: self.pier,
         }
     }
 
@@ -629,11 +672,17 @@ impl<'a> Tracker<'a> {
         // Near the pole of its axes: the zenith, or the pole of the sky.
         self.keyhole = Keyhole::of(self.path, self.most_deg_s[0]);
         let mut summary = self.summary();
-        if !self.slew(each)? {
+        if !self.slew(self.options.lead_s, each)? {
             return Ok(TrackSummary { cancelled: true, ..summary });
         }
         self.mount.learn_senses(&self.within(20.0))?;
         let mut pier = self.pier;
+        if let (Some(side), Some((_, angle))) = (pier, self.readings.back())
+            && pier::past_deg(side, angle[0]) > self.options.past_meridian_deg + OWN_CHOICE_DEG
+        {
+            // It chose that side itself: it means something else by it.
+            self.stays = Some(side);
+        }
         // Before the target comes, the mount stands.
         while self.now_s() < 0.0 {
             self.sleep(self.options.period_s.min(-self.now_s()).max(0.001))?;
@@ -668,6 +717,12 @@ impl<'a> Tracker<'a> {
                 continue;
             }
             self.check_hand()?;
+            if let Some(side) = self.ends_its_side(angle) {
+                if !self.turn_over(side, each)? {
+                    return Ok(TrackSummary { cancelled: true, ..summary });
+                }
+                continue;
+            }
             self.obey();
             self.check_ahead(angle)?;
             let state = self.look(&mut summary)?;
@@ -695,6 +750,37 @@ impl<'a> Tracker<'a> {
             self.sleep(next_s - self.now_s())?;
         }
         Ok(summary)
+    }
+
+    /// The side of the pier on which a German mount hangs, where it has followed as far as it may there.
+    fn ends_its_side(&self, angle: [f64; 2]) -> Option<PierSide> {
+        let side = self.pier.filter(|_| self.mount.abilities().tells_pier_side)?;
+        let is_german = self.path.frame().axes == MountAxes::Equatorial;
+        let stays = self.stays == Some(side);
+        let past = pier::past_deg(side, angle[0]) > self.options.past_meridian_deg;
+        (is_german && !stays && past).then_some(side)
+    }
+
+    /// Turns a German mount over, to where the target will be. False where `each` broke.
+    fn turn_over(
+        &mut self,
+        side: PierSide,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<bool, TrackError> {
+        self.command([0.0; 2])?;
+        // Both axes go half a circle at most; it is there before the target.
+        let fastest = self.most_deg_s[0].min(self.most_deg_s[1]).max(1e-3);
+        let left_s = (self.path.seconds() - self.now_s()).max(0.0);
+        let lead_s = (180.0 / fastest + TURN_ENDS_S).min(left_s);
+        let done = self.slew(lead_s, each)?;
+        if self.pier == Some(side) {
+            // It says that it can go on there.
+            self.stays = Some(side);
+        }
+        // Frames of the way, and of its end, tell nothing.
+        (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
+        self.followed = false;
+        Ok(done)
     }
 
     /// Stops before the place comes near the Sun, or too low.
@@ -745,11 +831,12 @@ impl<'a> Tracker<'a> {
             let before = (orders.keep_arcsec(), self.estimator.clone(), self.hold.clone());
             match order {
                 Order::Keep { offset_arcsec } => orders.keep(offset_arcsec),
+                // Both count in the frame.
                 Order::Jog { arcsec } if self.holds_light() => {
                     let keep = orders.keep_arcsec();
                     orders.keep([0, 1].map(|i| keep[i] - arcsec[i]));
                 }
-                Order::Jog { arcsec } => self.shift(arcsec),
+                Order::Jog { arcsec } => self.shift(self.along_axes(arcsec)),
                 Order::Lock { middle, offset_arcsec } => {
                     if let Err(why) = self.lock(middle, offset_arcsec) {
                         orders.refuse(why);
@@ -812,6 +899,7 @@ impl<'a> Tracker<'a> {
                 "where the mount stood {ago_s:.0} s ago, at the time of that frame, is not known any more: take a newer frame"
             ));
         };
+        let offset_arcsec = self.along_axes(offset_arcsec);
         let seen = seen_at(angle, &Spot { offset_arcsec, flux: 0.0 });
         if self.hold.is_some() {
             let predicted = self.path.at(time_s - self.options.nudge_s).direction;
@@ -833,7 +921,10 @@ impl<'a> Tracker<'a> {
         let Some(finder) = self.finder.as_mut().filter(|_| !self.options.open_loop) else {
             return Ok(TrackState::Predicted);
         };
-        if let Some(frame) = finder.frame(&soon)? {
+        if let Some(mut frame) = finder.frame(&soon)? {
+            for spot in &mut frame.spots {
+                spot.offset_arcsec = self.along_axes(spot.offset_arcsec);
+            }
             self.seen_arcsec = None;
             let time_s = self.path.time_s(frame.middle);
             if let (Some(angle), true) = (self.angles_then(time_s), self.hold.is_some()) {

@@ -93,6 +93,7 @@ impl Driven {
                 false => MountAxes::Horizontal,
             };
             o.site_deg = [place.latitude_deg, place.longitude_deg];
+            o.past_meridian_deg = options.past_meridian_deg;
             o.fastest_deg_s = options.fastest_deg_s;
             o.acceleration_deg_s2 = options.acceleration_deg_s2;
             o.backlash_arcsec = options.backlash_arcsec;

@@ -74,6 +74,7 @@
 //!
 //! [mount]                             # where the plan has a [mount]: then it decides where the target stands, and not [pointing]
 //! equatorial = false                  # azimuth and altitude without
+//! past_meridian_deg = 10.0            # a German mount, which stands still so far past the meridian; a fork without
 //! fastest_deg_s = 10.0
 //! acceleration_deg_s2 = 10.0
 //! backlash_arcsec = 10.0
@@ -367,6 +368,8 @@ section!(
     MountOptions {
         /// Whether its axes are those of the sky; azimuth and altitude else.
         equatorial: bool = false,
+        /// A German mount, which stands still so far past the meridian, deg of hour angle.
+        past_meridian_deg: Option<f64> = None,
         /// Fastest rate of both axes, deg/s.
         fastest_deg_s: f64 = 10.0,
         /// Strongest acceleration, deg/s².
@@ -460,6 +463,11 @@ impl Options {
         let mount = &self.mount;
         let speed = (0.001, 100.0, "0.001 to 100");
         let mount_checks = [
+            (
+                "mount.past_meridian_deg",
+                mount.past_meridian_deg.unwrap_or(0.0),
+                (0.0, 85.0, "0 to 85"),
+            ),
             ("mount.fastest_deg_s", mount.fastest_deg_s, speed),
             ("mount.acceleration_deg_s2", mount.acceleration_deg_s2, speed),
             ("mount.backlash_arcsec", mount.backlash_arcsec, SIZE),
