@@ -316,6 +316,7 @@ interval_s = 1.0
 device = "indi-telescope:127.0.0.1:{port}/Telescope Simulator"
 set_site = true
 trust_clock = true
+park = false                    # the test runs by day, too: dawn is when the real Sun rises
 on_target_arcsec = 20
 [[visit]]
 off = "dark"
