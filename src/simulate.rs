@@ -40,6 +40,9 @@ pub struct SimulateArgs {
     /// Work that an epoch's light between surfaces may cost, in place of the file's [default: 0.01]
     #[arg(long, value_name = "CPU_S", allow_negative_numbers = true, value_parser = explain::budget)]
     pub budget: Option<f64>,
+    /// Add the degree of linear polarisation of the light, and its direction (docs/polarisation.md)
+    #[arg(long)]
+    pub polarisation: bool,
     /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
     #[arg(long)]
     pub active: bool,
@@ -77,7 +80,7 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     let pass = read(&args.pass, &args.station, overrides)?;
     args.out.check_names(&[format!("{}.ecsv", pass.name)])?;
     let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
-    let shown = show(&pass, &args.pass.display().to_string(), &lasers, console)?;
+    let shown = show(&pass, &args.pass.display().to_string(), args.polarisation, &lasers, console)?;
     if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
         bail!(
             "{}: there is no light to draw in any sample (see the warnings); write a table instead",
@@ -115,7 +118,13 @@ struct Shown {
 }
 
 /// Simulates a pass, with the returns of some lasers, and says on stderr what a person should hear of; `name` is that of its file.
-fn show(pass: &Pass, name: &str, lasers: &[&Laser], console: Console) -> anyhow::Result<Shown> {
+fn show(
+    pass: &Pass,
+    name: &str,
+    polarised: bool,
+    lasers: &[&Laser],
+    console: Console,
+) -> anyhow::Result<Shown> {
     let clock = Clock::new(pass.times.len(), console);
     let simulation =
         pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
@@ -134,7 +143,13 @@ fn show(pass: &Pass, name: &str, lasers: &[&Laser], console: Console) -> anyhow:
         console.detail(&format!("material {}", material.describe()));
     }
     let material = simulation.material_doubt(&|_| {}).with_context(|| name.to_owned())?;
-    let report = SimulationReport { simulation: &simulation, material, cost, warnings: &warnings };
+    let polarisation = match polarised {
+        true => Some(simulation.polarisation(&|_| {}).with_context(|| name.to_owned())?),
+        false => None,
+    };
+    let warnings = &warnings;
+    let report =
+        SimulationReport { simulation: &simulation, material, polarisation, cost, warnings };
     let (product, text) = (report.product()?, report.text());
     let mut shown = Shown { product, text, has_light: simulation.has_light() };
     if !lasers.is_empty() {

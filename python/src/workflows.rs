@@ -172,6 +172,7 @@ fn simulate(
         let material =
             simulation.material_doubt(&|_| {}).map_err(|e| format!("{}: {e}", scene.display()))?;
         let report = sunglint_report::simulate::SimulationReport {
+            polarisation: None,
             simulation: &simulation,
             material,
             cost: clock.cost(),

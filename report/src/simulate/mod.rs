@@ -15,7 +15,7 @@ use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::tracks;
 use sunglint_simulator::light::percent;
 use sunglint_simulator::pass::{
-    ChannelSamples, Cost, MaterialDoubt, Simulation, StandardMagnitude, StatedError,
+    ChannelSamples, Cost, MaterialDoubt, Polarisation, Simulation, StandardMagnitude, StatedError,
 };
 
 /// The place of V among the bands.
@@ -31,6 +31,8 @@ pub struct SimulationReport<'a> {
     pub simulation: &'a Simulation<'a>,
     /// How far it may be off by the doubt of the materials; none where no material says how well it is known.
     pub material: Option<MaterialDoubt>,
+    /// Its polarisation, where that was asked for.
+    pub polarisation: Option<Polarisation>,
     /// Cost of the simulation.
     pub cost: Cost,
     /// Warnings that the user should read first.
@@ -100,6 +102,7 @@ impl SimulationReport<'_> {
     /// Geometry and magnitudes, with the doubt of the materials where there is one.
     fn geometry_table(&self) -> Table {
         let mut table = self.simulation.geometry_table(COMMAND);
+        self.add_polarisation(&mut table);
         let Some(doubt) = &self.material else { return table };
         let channels = self.simulation.channels.iter().zip(&doubt.channels_hz);
         table.columns.extend(channels.map(|(channel, hz)| {
@@ -112,6 +115,35 @@ impl SimulationReport<'_> {
             "the same over the rate, in the worst channel (in V where there is no channel)",
         ));
         table
+    }
+
+    fn add_polarisation(&self, table: &mut Table) {
+        let Some(found) = &self.polarisation else { return };
+        let mut add = |name: String, unit, values: &[f64], what| {
+            table.columns.push(Column::f64(name, unit, values.to_vec()).described(what));
+        };
+        let degree = "degree of linear polarisation, 0 to 1";
+        let error = "how far off that may be";
+        add("v_polarisation".into(), None, &found.v, degree);
+        add("v_polarisation_error".into(), None, &found.v_error, error);
+        for (c, channel) in self.simulation.channels.iter().enumerate() {
+            add(format!("{}_polarisation", channel.name), None, &found.channels[c], degree);
+            let name = format!("{}_polarisation_error", channel.name);
+            add(name, None, &found.channels_error[c], error);
+        }
+        let angle = "position angle of the electric field, from north through east (ICRS)";
+        add("polarisation_angle_deg".into(), Some("deg"), &found.angle_deg, angle);
+    }
+
+    /// Least and largest degree in V over the visible samples with light, and the largest error.
+    fn polarisation_in_v(&self) -> Option<[f64; 3]> {
+        let found = self.polarisation.as_ref()?;
+        let seen = |i: &usize| !self.simulation.places[*i].hidden && found.v[*i].is_finite();
+        let rows: Vec<usize> = (0..found.v.len()).filter(seen).collect();
+        let of = |values: &[f64], pick: fn(f64, f64) -> f64| {
+            rows.iter().map(|i| values[*i]).reduce(pick)
+        };
+        Some([of(&found.v, f64::min)?, of(&found.v, f64::max)?, of(&found.v_error, f64::max)?])
     }
 
     /// Visible samples; in the Earth's shadow among them; below the horizon.
@@ -287,6 +319,7 @@ impl SimulationReport<'_> {
         text.push_str("wavelengths exactly, for tables that are linear between their points\n");
         self.say_stated(text);
         self.say_material(text);
+        self.say_polarisation(text);
         text.push_str("not modelled:\n");
         for what in self.simulation.not_modelled() {
             let _ = writeln!(text, "  - {what}");
@@ -335,6 +368,29 @@ impl SimulationReport<'_> {
                 doubt.names(),
                 percent(over.median),
                 percent(over.largest)
+            );
+        }
+    }
+
+    fn say_polarisation(&self, text: &mut String) {
+        let Some(found) = &self.polarisation else { return };
+        match self.polarisation_in_v() {
+            None => text.push_str("polarisation: no sample has light\n"),
+            Some([least, most, error]) => {
+                let _ = writeln!(
+                    text,
+                    "polarisation in V: {} to {}, known to {}, perpendicular to the plane of Sun, target and station",
+                    percent(least),
+                    percent(most),
+                    percent(error)
+                );
+            }
+        }
+        if !found.unknown.is_empty() {
+            let _ = writeln!(
+                text,
+                "  not known of {}: no refractive index (in the error, as if their light was polarised wholly)",
+                found.unknown.join(", ")
             );
         }
     }
@@ -406,6 +462,11 @@ impl SimulationReport<'_> {
             "tolerance": pass.tolerance,
             "promise": simulation.promise(),
             "material_error": stated(self.material.as_ref().and_then(MaterialDoubt::over_the_pass)),
+            "polarisation": self.polarisation.as_ref().map(|found| {
+                let in_v = self.polarisation_in_v();
+                let of = |i: usize| in_v.map(|v| rounded(v[i]));
+                json!({ "v_least": of(0), "v_most": of(1), "v_error": of(2), "unknown": found.unknown })
+            }),
             "needs": explain::json(&simulation.needs),
             "bins_stated_error": stated(simulation.stated_error_of_bins()),
             "not_modelled": simulation.not_modelled(),

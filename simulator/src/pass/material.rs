@@ -2,9 +2,8 @@
 
 use super::{Pass, PassError, Progress, Simulation, StatedError};
 use crate::light::engine::Switches;
-use crate::surface::Material;
+use crate::surface::{Material, MaterialError};
 use sunglint_numerics::order::median;
-use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
 /// Half-widths of the 95 % intervals that a body's light has by the doubt of one material, all directions off alike.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,12 +45,12 @@ impl MaterialDoubt {
 /// The place of V among the bands.
 const V: usize = 2;
 
-/// Makes a material that reflects nothing at any wavelength.
 fn black(name: &str) -> Result<Material, PassError> {
-    let wrong = |found: String| PassError::Input { needs: "a black material", found };
-    let nothing = Spectrum::<Reflectance>::constant(0.0, 10.0, 1e6);
-    let nothing = nothing.map_err(|e| wrong(e.to_string()))?;
-    Material::lambert(name, nothing).map_err(|e| wrong(e.to_string()))
+    let wrong = |error: MaterialError| PassError::Input {
+        needs: "a black material",
+        found: error.to_string(),
+    };
+    Material::black(name).map_err(wrong)
 }
 
 impl Simulation<'_> {

@@ -89,8 +89,21 @@ impl ComplexIndex {
 /// The reflectance of unpolarised light on n + ik from vacuum at an angle of incidence θ, by Fresnel's equations
 /// (Born and Wolf, Principles of Optics, §14.4; in the form of complex amplitudes).
 pub fn fresnel(n: f64, k: f64, cos: f64) -> f64 {
+    let [s, p] = polarised(n, k, cos);
+    0.5 * (s + p)
+}
+
+/// Half of what s-polarised light is reflected more than p-polarised light: (R_s − R_p)/2, never below 0. Of unpolarised light that was reflected once it is the
+/// part that is polarised perpendicular to the plane of incidence (Born and Wolf, §1.5.3; the element M₁₀ of the Mueller matrix).
+pub fn difference(n: f64, k: f64, cos: f64) -> f64 {
+    let [s, p] = polarised(n, k, cos);
+    (0.5 * (s - p)).max(0.0)
+}
+
+/// The reflectances R_s and R_p.
+fn polarised(n: f64, k: f64, cos: f64) -> [f64; 2] {
     if cos <= 0.0 {
-        return 1.0;
+        return [1.0; 2];
     }
     // q = √(m² − sin²θ) = a + ib with m = n + ik.
     let (re, im) = (n * n - k * k - 1.0 + cos * cos, 2.0 * n * k);
@@ -108,8 +121,11 @@ pub fn fresnel(n: f64, k: f64, cos: f64) -> f64 {
     // r_p = (m² cosθ − q)/(m² cosθ + q).
     let (x, y) = ((n * n - k * k) * cos, 2.0 * n * k * cos);
     let p = (square(x - a) + square(y - b)) / (square(x + a) + square(y + b));
-    0.5 * (s + p)
+    [s, p]
 }
+
+/// A quantity of n, k and cosθ.
+type Quantity = fn(f64, f64, f64) -> f64;
 
 /// Interpolation between the reflectances at some angles of incidence.
 #[derive(Debug, Clone)]
@@ -119,6 +135,9 @@ pub struct Conductor {
     /// The Chebyshev points in u, from grazing (0) to normal (1).
     u: Vec<f64>,
     error: f64,
+    /// What its spectra are made of.
+    index: std::sync::Arc<ComplexIndex>,
+    quantity: Quantity,
 }
 
 impl Conductor {
@@ -126,18 +145,38 @@ impl Conductor {
     pub(super) fn new(
         index: &ComplexIndex,
     ) -> Result<(Self, Vec<Spectrum<Reflectance>>), MaterialError> {
+        Self::of(index, fresnel)
+    }
+
+    /// The same for (R_s − R_p)/2.
+    pub(super) fn difference(&self) -> Result<(Self, Vec<Spectrum<Reflectance>>), MaterialError> {
+        Self::of(&self.index, difference)
+    }
+
+    fn of(
+        index: &ComplexIndex,
+        quantity: Quantity,
+    ) -> Result<(Self, Vec<Spectrum<Reflectance>>), MaterialError> {
         let wavelengths = Self::samples(index);
         // Angles closer together near grazing.
         let cos: Vec<f64> =
             (0..=ANGLES_TRIED).map(|j| (j as f64 / ANGLES_TRIED as f64).powi(2)).collect();
         let truth: Vec<Vec<f64>> = wavelengths
             .iter()
-            .map(|&(n, k)| cos.iter().map(|&cos| fresnel(n, k, cos)).collect())
+            .map(|&(n, k)| cos.iter().map(|&cos| quantity(n, k, cos)).collect())
             .collect();
+        let owned = std::sync::Arc::new(index.clone());
         let mut found = None;
         'angles: for angles in 3..=MOST_ANGLES {
             for b in [0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0] {
-                let mut trial = Self { name: index.name.clone(), b, u: points(angles), error: 0.0 };
+                let mut trial = Self {
+                    name: index.name.clone(),
+                    b,
+                    u: points(angles),
+                    error: 0.0,
+                    index: owned.clone(),
+                    quantity,
+                };
                 if trial.measure(&wavelengths, &cos, &truth) {
                     found = Some(trial);
                     break 'angles;
@@ -244,7 +283,7 @@ impl Conductor {
         let nodes = self.cosines();
         let at_nodes: Vec<Vec<f64>> = wavelengths
             .iter()
-            .map(|&(n, k)| nodes.iter().map(|&cos| fresnel(n, k, cos)).collect())
+            .map(|&(n, k)| nodes.iter().map(|&cos| (self.quantity)(n, k, cos)).collect())
             .collect();
         let mut weights = vec![0.0; nodes.len()];
         for (j, &cos) in cos.iter().enumerate() {
@@ -276,7 +315,7 @@ impl Conductor {
         let cos = self.cosines();
         let at = |row: usize, t: f64| -> Vec<f64> {
             let (n, k) = index.within(row, t);
-            cos.iter().map(|&cos| fresnel(n, k, cos)).collect()
+            cos.iter().map(|&cos| (self.quantity)(n, k, cos)).collect()
         };
         let (mut nm, mut values) = (Vec::new(), Vec::new());
         for row in 0..index.wavelength_nm.len() - 1 {

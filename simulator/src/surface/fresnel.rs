@@ -12,6 +12,8 @@ pub struct Fresnel {
     coherence: f64,
     /// cos²θ at which the spectra hold what stays coherent, where g goes as 1/λ; else empty.
     nodes: Vec<f64>,
+    /// Whether it is F(θ)/F(0): its spectra are then no reflectances.
+    is_relative: bool,
 }
 
 /// Values of cos²θ between which what stays coherent is interpolated: over a factor of 2.5 in wavelength 0.5 % of itself for g = 2.
@@ -25,6 +27,8 @@ pub(super) enum Law {
     Schlick,
     /// A refractive index without absorption, the same at all wavelengths.
     Dielectric(f64),
+    /// (R_s − R_p)/2 of such an index.
+    DielectricDifference(f64),
     Conductor(conductor::Conductor),
 }
 
@@ -40,6 +44,7 @@ impl Fresnel {
             law: Law::Constant,
             coherence: 0.0,
             nodes: Vec::new(),
+            is_relative: false,
         })
     }
 
@@ -56,6 +61,7 @@ impl Fresnel {
             law: Law::Schlick,
             coherence: 0.0,
             nodes: Vec::new(),
+            is_relative: false,
         })
     }
 
@@ -67,7 +73,13 @@ impl Fresnel {
     /// An index whose reflectance is not smooth enough in angle (n < 1 with k near 0).
     pub fn conductor(index: &conductor::ComplexIndex) -> Result<Self, MaterialError> {
         let (conductor, spectra) = conductor::Conductor::new(index)?;
-        Ok(Self { spectra, law: Law::Conductor(conductor), coherence: 0.0, nodes: Vec::new() })
+        Ok(Self {
+            spectra,
+            law: Law::Conductor(conductor),
+            coherence: 0.0,
+            nodes: Vec::new(),
+            is_relative: false,
+        })
     }
 
     /// Fresnel's equations for unpolarised light and a refractive index n without absorption, the same from `from_nm` to `to_nm`.
@@ -80,7 +92,13 @@ impl Fresnel {
             return Err(MaterialError::Parameter { name: "n", value: n, expected });
         }
         let spectra = vec![Spectrum::constant(1.0, from_nm, to_nm)?];
-        Ok(Self { spectra, law: Law::Dielectric(n), coherence: 0.0, nodes: Vec::new() })
+        Ok(Self {
+            spectra,
+            law: Law::Dielectric(n),
+            coherence: 0.0,
+            nodes: Vec::new(),
+            is_relative: false,
+        })
     }
 
     /// The part of it that a surface with a random height reflects coherently: times exp(−(g cosθ)²), with g = 4πσ/λ of the heights' root mean square σ
@@ -120,7 +138,7 @@ impl Fresnel {
                 spectra.push(Spectrum::new(nm, value)?);
             }
         }
-        Ok(Self { spectra, law: self.law, coherence: g, nodes })
+        Ok(Self { spectra, law: self.law, coherence: g, nodes, is_relative: self.is_relative })
     }
 
     /// The spectra ρ_k, all from 0 to 1.
@@ -159,6 +177,9 @@ impl Fresnel {
         match &self.law {
             Law::Constant => sum[0] += scale,
             Law::Dielectric(n) => sum[0] += scale * conductor::fresnel(*n, 0.0, cos),
+            Law::DielectricDifference(n) => {
+                sum[0] += scale * conductor::difference(*n, 0.0, cos);
+            }
             Law::Schlick => {
                 let rise = (1.0 - cos.clamp(0.0, 1.0)).powi(5);
                 sum[0] += scale * (1.0 - rise);
@@ -196,8 +217,12 @@ impl Fresnel {
     fn slopes_of_law(&self, cos: f64) -> Vec<(f64, f64)> {
         match &self.law {
             Law::Constant => vec![(1.0, 0.0)],
-            Law::Dielectric(n) => {
-                let at = |cos: f64| conductor::fresnel(*n, 0.0, cos.clamp(0.0, 1.0));
+            Law::Dielectric(n) | Law::DielectricDifference(n) => {
+                let of = match &self.law {
+                    Law::Dielectric(_) => conductor::fresnel,
+                    _ => conductor::difference,
+                };
+                let at = |cos: f64| of(*n, 0.0, cos.clamp(0.0, 1.0));
                 // Smooth on a scale of 1/n; one side at the ends.
                 let (below, above) = ((cos - 1e-6).max(0.0), (cos + 1e-6).min(1.0));
                 vec![(at(cos), (at(above) - at(below)) / (above - below).max(1e-12))]
@@ -209,6 +234,24 @@ impl Fresnel {
             }
             Law::Conductor(conductor) => conductor.slopes(cos),
         }
+    }
+
+    /// (R_s − R_p)/2 in place of (R_s + R_p)/2: what is polarised perpendicular to the plane of incidence after one reflection of unpolarised light. `None` where the
+    /// refractive index is not known.
+    ///
+    /// # Errors
+    /// As of [`Fresnel::conductor`].
+    pub fn difference(&self) -> Result<Option<Self>, MaterialError> {
+        let (law, spectra) = match &self.law {
+            Law::Dielectric(n) => (Law::DielectricDifference(*n), self.spectra.clone()),
+            Law::Conductor(conductor) if !self.is_relative => {
+                let (conductor, spectra) = conductor.difference()?;
+                (Law::Conductor(conductor), spectra)
+            }
+            _ => return Ok(None),
+        };
+        let (coherence, nodes) = (self.coherence, self.nodes.clone());
+        Ok(Some(Self { spectra, law, coherence, nodes, is_relative: false }))
     }
 
     /// Whether it is the same at all angles.
@@ -236,7 +279,7 @@ impl Fresnel {
         });
         let spectra = spectra.collect::<Result<_, MaterialError>>()?;
         let (law, nodes) = (self.law.clone(), self.nodes.clone());
-        Ok((Self { spectra, law, coherence: self.coherence, nodes }, scale))
+        Ok((Self { spectra, law, coherence: self.coherence, nodes, is_relative: true }, scale))
     }
 
     /// The largest error of F over all angles and the tabulated wavelengths, against the law that it stands for.
@@ -259,6 +302,9 @@ impl Fresnel {
     fn describe_law(&self) -> String {
         match &self.law {
             Law::Dielectric(n) => format!("Fresnel term of n {}", super::short(*n)),
+            Law::DielectricDifference(n) => {
+                format!("polarised part of the Fresnel term of n {}", super::short(*n))
+            }
             Law::Constant => format!("reflectance {}", super::range_of(&self.spectra[0])),
             Law::Schlick => {
                 format!("Schlick's Fresnel term from {}", super::range_of(&self.spectra[0]))

@@ -4,7 +4,8 @@ use super::sampling::{Mixture, Proposal};
 use super::scatter::Scatter;
 use super::shape::{Shape, WardForm};
 use super::{
-    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, cos_difference,
+    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, PolarisedPart,
+    cos_difference,
 };
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
@@ -293,6 +294,20 @@ impl Scatter for Sum {
 
     fn is_isotropic(&self) -> bool {
         self.parts.iter().all(|part| part.shape.is_isotropic())
+    }
+
+    fn polarised(&self, name: &str) -> Result<PolarisedPart, MaterialError> {
+        let mut parts = Vec::new();
+        for part in self.parts.iter().filter(|part| !part.shape.is_diffuse()) {
+            let Some(fresnel) = part.fresnel.difference()? else {
+                return Ok(PolarisedPart::Unknown);
+            };
+            parts.push(Part { shape: part.shape, fresnel, scale: part.scale });
+        }
+        if parts.is_empty() {
+            return Ok(PolarisedPart::Nothing);
+        }
+        Ok(PolarisedPart::Of(sum(name.to_owned(), parts, None)?))
     }
 
     fn describe(&self) -> String {

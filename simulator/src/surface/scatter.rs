@@ -1,7 +1,7 @@
 //! Properties that a reflection law must tell of itself, and what follows numerically from them: albedo, spheres, and whether it loses energy.
 
 use super::sampling::Mixture;
-use super::{Material, MaterialError, Model, cubature};
+use super::{Material, MaterialError, Model, PolarisedPart, cubature};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -38,6 +38,13 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     /// Half-width of the 95 % interval of ln f, where it is known.
     fn ln_doubt(&self, _i: DVec3, _o: DVec3) -> Option<f64> {
         None
+    }
+    /// The polarised part of its light once unpolarised light was reflected ([`Material::polarised`]).
+    ///
+    /// # Errors
+    /// As there.
+    fn polarised(&self, _name: &str) -> Result<PolarisedPart, MaterialError> {
+        Ok(PolarisedPart::Unknown)
     }
     /// Whether it is the same for every tangent.
     fn is_isotropic(&self) -> bool;

@@ -86,6 +86,11 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// Whether its light went through the material and has no polarisation left.
+    pub(super) fn is_diffuse(&self) -> bool {
+        matches!(self, Self::Lambert | Self::Falling { .. } | Self::Volume)
+    }
+
     /// The value \[sr⁻¹\] for unit vectors above the horizon.
     pub fn value(&self, i: DVec3, o: DVec3) -> f64 {
         match self {

@@ -1,0 +1,131 @@
+//! Linear polarisation of a body's light.
+//!
+//! Unpolarised sunlight that microfacets or mirrors reflect once is polarised perpendicular to the plane of Sun, body and observer ([`crate::surface::PolarisedPart`]). Its
+//! polarised part is simulated as a pass of its own, with all that shades and hides. What is not known, or not modelled, may be polarised in any way: it is in the error.
+
+use super::{Pass, PassError, Progress, Simulation};
+use crate::light::engine::Switches;
+use crate::surface::{Material, MaterialError, PolarisedPart};
+use glam::DVec3;
+
+/// The place of V among the bands.
+const V: usize = 2;
+
+/// Linear polarisation of a body's light along a pass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Polarisation {
+    /// By channel of the station and sample: degree of linear polarisation, 0 to 1, after the air; NaN without light and below the horizon.
+    pub channels: Vec<Vec<f64>>,
+    /// How far off each may be: the simulation's stated error, light between surfaces and from the Earth, and the light of materials whose polarisation is not known,
+    /// each as if it was polarised wholly.
+    pub channels_error: Vec<Vec<f64>>,
+    /// By sample: the same in V, before the air; NaN without light.
+    pub v: Vec<f64>,
+    /// How far off that may be.
+    pub v_error: Vec<f64>,
+    /// By sample: position angle of the electric field's direction, from north through east (ICRS), 0 to 180 deg, as the IAU counts it.
+    pub angle_deg: Vec<f64>,
+    /// Materials whose polarisation is not known: they have no refractive index.
+    pub unknown: Vec<String>,
+}
+
+fn material(error: &MaterialError) -> PassError {
+    PassError::Input { needs: "the polarised part of a material", found: error.to_string() }
+}
+
+/// Position angle of the direction perpendicular to the plane of Sun, body and observer, where the body is seen in a direction, deg.
+fn angle_deg(seen: DVec3, sun: DVec3) -> f64 {
+    let north = DVec3::Z - seen * seen.z;
+    let east = DVec3::Z.cross(seen);
+    let towards_sun = sun.dot(east).atan2(sun.dot(north)).to_degrees();
+    (towards_sun + 90.0).rem_euclid(180.0)
+}
+
+impl Simulation<'_> {
+    /// Linear polarisation of the light: one direct simulation of its polarised part, and one for what bounds the error.
+    ///
+    /// # Errors
+    /// [`PassError`], as of a simulation; a refractive index between whose angles no interpolation holds.
+    pub fn polarisation(
+        &self,
+        progress: &(dyn Fn(Progress) + Sync),
+    ) -> Result<Polarisation, PassError> {
+        let target = &self.pass.target;
+        let used = |k: usize| target.parts.iter().any(|part| part.material == k);
+        let black = |of: &Material| Material::black(&of.name).map_err(|e| material(&e));
+        let mut polarised = self.direct();
+        let mut diffuse_and_known = self.direct();
+        let mut unknown = Vec::new();
+        for (k, of) in target.materials.iter().enumerate() {
+            let part = match used(k) {
+                true => of.polarised().map_err(|e| material(&e))?,
+                false => PolarisedPart::Nothing,
+            };
+            if matches!(part, PolarisedPart::Unknown) {
+                unknown.push(of.name.clone());
+                diffuse_and_known.target.materials[k] = black(of)?;
+            }
+            polarised.target.materials[k] = match part {
+                PolarisedPart::Of(material) => material,
+                PolarisedPart::Nothing | PolarisedPart::Unknown => black(of)?,
+            };
+        }
+        let (polarised, known) =
+            (polarised.simulate(progress)?, diffuse_and_known.simulate(progress)?);
+        let samples = self.places.len();
+        let (mut channels, mut channels_error) = (Vec::new(), Vec::new());
+        for (c, all) in self.channels.iter().enumerate() {
+            let (part, known) = (&polarised.channels[c], &known.channels[c]);
+            let degree = |row: usize| match all.rate_hz[row] > 0.0 {
+                true => part.rate_hz[row] / all.rate_hz[row],
+                false => f64::NAN,
+            };
+            let error = |row: usize| {
+                let rest = (all.rate_hz[row] - known.rate_hz[row]).abs();
+                let stated = part.error_hz[row] + degree(row) * all.error_hz[row];
+                (rest + stated) / all.rate_hz[row]
+            };
+            channels.push((0..samples).map(degree).collect());
+            channels_error.push((0..samples).map(error).collect());
+        }
+        let share = |of: &Simulation<'_>, row: usize| {
+            let own = self.magnitudes[[row, V]];
+            match (own.is_finite(), of.magnitudes[[row, V]]) {
+                (false, _) => f64::NAN,
+                // Without light there is no magnitude.
+                (true, m) if m.is_nan() => 0.0,
+                (true, m) => 10_f64.powf(-0.4 * (m - own)),
+            }
+        };
+        let v: Vec<f64> = (0..samples).map(|row| share(&polarised, row)).collect();
+        // The stated error is that of the channels, where there are any.
+        let stated = |row: usize| {
+            self.channels
+                .iter()
+                .map(|c| c.error_hz[row] / c.rate_hz[row])
+                .filter(|relative| relative.is_finite())
+                .fold(0.0, f64::max)
+        };
+        let v_error = (0..samples)
+            .map(|row| (1.0 - share(&known, row)).abs() + 2.0 * v[row] * stated(row))
+            .collect();
+        let angle = |place: &super::Place| {
+            let [sun, observer] =
+                [place.sun_body, place.observer_body].map(|body| place.body_to_gcrs * body);
+            angle_deg(-observer, sun)
+        };
+        let angle_deg = self.places.iter().map(angle).collect();
+        Ok(Polarisation { channels, channels_error, v, v_error, angle_deg, unknown })
+    }
+
+    /// The same pass by direct sunlight alone.
+    fn direct(&self) -> Pass {
+        let mut pass = self.pass.clone();
+        pass.effects = Switches {
+            solar_disc: self.pass.effects.solar_disc,
+            finite_distance: self.pass.effects.finite_distance,
+            ..Switches::OFF
+        };
+        pass
+    }
+}
