@@ -110,9 +110,7 @@ impl Simulation<'_> {
             .map(|row| (1.0 - share(&known, row)).abs() + 2.0 * v[row] * stated(row))
             .collect();
         let angle = |place: &super::Place| {
-            let [sun, observer] =
-                [place.sun_body, place.observer_body].map(|body| place.body_to_gcrs * body);
-            angle_deg(-observer, sun)
+            angle_deg(-place.geometry.to_observer, place.geometry.sun.direction_gcrs)
         };
         let angle_deg = self.places.iter().map(angle).collect();
         Ok(Polarisation { channels, channels_error, v, v_error, angle_deg, unknown })
@@ -127,5 +125,36 @@ impl Simulation<'_> {
             ..Switches::OFF
         };
         pass
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn direction(ra_deg: f64, dec_deg: f64) -> DVec3 {
+        let ((sin, cos), (sin_dec, cos_dec)) =
+            (ra_deg.to_radians().sin_cos(), dec_deg.to_radians().sin_cos());
+        DVec3::new(cos_dec * cos, cos_dec * sin, sin_dec)
+    }
+
+    /// Truth: tan q = cos δ' sin(α' − α)/(sin δ' cos δ − cos δ' sin δ cos(α' − α)) for the position angle of a place (α', δ') seen from (α, δ) (Meeus 1998, Astronomical
+    /// Algorithms, chapter 17), and a right angle more.
+    #[test]
+    fn the_field_is_perpendicular_to_the_direction_of_the_sun() {
+        for (at, sun) in [
+            ([10.0, 20.0], [100.0, -5.0]),
+            ([200.0, -40.0], [350.0, 60.0]),
+            ([0.0, 0.0], [90.0, 0.0]),
+        ] {
+            let ra = f64::to_radians(sun[0] - at[0]);
+            let (sin, cos) = f64::to_radians(at[1]).sin_cos();
+            let (sin_sun, cos_sun) = f64::to_radians(sun[1]).sin_cos();
+            let q = (cos_sun * ra.sin()).atan2(sin_sun * cos - cos_sun * sin * ra.cos());
+            let expected = (q.to_degrees() + 90.0).rem_euclid(180.0);
+            let found = angle_deg(direction(at[0], at[1]), direction(sun[0], sun[1]));
+            let off = (found - expected + 90.0).rem_euclid(180.0) - 90.0;
+            assert!(off.abs() < 1e-9, "{found} {expected}");
+        }
     }
 }
