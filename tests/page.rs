@@ -15,14 +15,14 @@ use sunglint_formats::session::{Session, What};
 use sunglint_formats::time::format_utc;
 
 /// A program that serves a page, ended with the test.
-struct Serving {
+pub(crate) struct Serving {
     child: Child,
     /// Address with the token, where there is one.
-    url: String,
+    pub(crate) url: String,
 }
 
 impl Serving {
-    fn start(folder: &Folder, arguments: &[&str]) -> Self {
+    pub(crate) fn start(folder: &Folder, arguments: &[&str]) -> Self {
         Self::with(folder, arguments, &[])
     }
 
@@ -69,13 +69,13 @@ impl Serving {
         (status, answer[head + 4..].to_vec())
     }
 
-    fn json(&self, path: &str) -> Value {
+    pub(crate) fn json(&self, path: &str) -> Value {
         let (status, body) = self.get(path);
         assert_eq!(status, 200, "{path}: {}", String::from_utf8_lossy(&body));
         serde_json::from_slice(&body).unwrap()
     }
 
-    fn interrupt(&mut self) -> Option<i32> {
+    pub(crate) fn interrupt(&mut self) -> Option<i32> {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
         self.child.wait().unwrap().code()
@@ -134,7 +134,7 @@ const COLOURS: &str = "(() => {
 })()";
 
 /// Looks at all sizes and colours, and keeps a picture of each.
-fn looks_good(browser: &mut Browser, name: &str) {
+pub(crate) fn looks_good(browser: &mut Browser, name: &str) {
     for (width, height) in [(400, 800), (1280, 900), (2560, 1440)] {
         browser.size(width, height);
         for mode in ["light", "dark", "red"] {
@@ -148,6 +148,12 @@ fn looks_good(browser: &mut Browser, name: &str) {
             assert_eq!(colours["poor"], json!([]), "{name}, {mode}");
             if mode == "red" {
                 assert_eq!(colours["other"], json!([]), "{name}");
+            }
+            // As wide as a telephone and as a laptop.
+            if width < 2000
+                && let Some(found) = browser.axe("axe_core_on_the_page")
+            {
+                assert_eq!(found, json!([]), "{name} at {width} px, {mode}");
             }
             browser.shot(&pictures().join(format!("{name}_{width}_{mode}.png")));
         }
