@@ -309,3 +309,99 @@ fn magnitudes_as_soon_as_kappa_is_there() {
         folder.refused(1, &["page", "session", "--no-open", "--calibration", "night.toml"]);
     assert!(message.contains("night.toml"), "{message}");
 }
+
+/// The virtual night's own coefficients (the station's typical ones), as another night's calibration (synthetic).
+const KAPPA: &str = r#"# %ECSV 1.0
+# ---
+# delimiter: ','
+# datatype:
+# - {name: night, datatype: string}
+# - {name: channel, datatype: string}
+# - {name: kappa, datatype: float64}
+# - {name: relative_sigma, datatype: float64}
+# - {name: kappa_low, datatype: float64}
+# - {name: kappa_high, datatype: float64}
+# - {name: stars, datatype: int64}
+# - {name: visits, datatype: int64}
+# - {name: rms, datatype: float64}
+# - {name: per_airmass, datatype: float64}
+# - {name: per_airmass_sigma, datatype: float64}
+# - {name: per_colour, datatype: float64}
+# - {name: per_colour_sigma, datatype: float64}
+# meta:
+#   calibration_version: 1
+#   station: ufo
+#   nights:
+#   - night: '2020-11-18'
+#     covariance_ln_kappa: {channels: [id400, spcm, mppc], values: [[0.0001, 0.0, 0.0], [0.0, 0.0001, 0.0], [0.0, 0.0, 0.0001]]}
+# schema: astropy-2.0
+night,channel,kappa,relative_sigma,kappa_low,kappa_high,stars,visits,rms,per_airmass,per_airmass_sigma,per_colour,per_colour_sigma
+2020-11-18,id400,546.51,0.01,535,558,5,5,0.01,nan,nan,nan,nan
+2020-11-18,spcm,29.64,0.01,29,30.3,5,5,0.01,nan,nan,nan,nan
+2020-11-18,mppc,9.63,0.01,9.4,9.8,5,5,0.01,nan,nan,nan,nan
+"#;
+
+/// Magnitudes of a night that runs, by another night's κ. Truth: the star's V in the catalogue, to what its colour does in this channel (0.5 mag: the light is taken for sunlight); and the recorded night, whose sky
+/// comes from its own files: the same magnitudes within a tenth of σ.
+#[test]
+fn magnitudes_while_the_night_runs() {
+    let Some(mut browser) = Browser::start("magnitudes_while_the_night_runs") else { return };
+    let folder = Folder::new("page-live-magnitudes");
+    let star = crate::common::star_of_now::night_of_now(&folder.path("station"));
+    let plan = crate::common::virtual_night::plan_of(&[
+        ("station = \"ufo\"\nfrom = \"2020-11-18T18:00:00Z\"", "station = \"station\""),
+        ("exposure_s = 0.5", "exposure_s = 0.1"),
+    ]);
+    let mut options = String::from(STARS);
+    for (kind, name, from_s, to_s) in [("sky", "", 0, 5), ("star", &*star, 5, 60)] {
+        options += &format!(
+            "[[visit]]\nkind = \"{kind}\"\nname = \"{name}\"\nfrom_s = {from_s}\nto_s = {to_s}\n"
+        );
+    }
+    crate::common::virtual_night::write(&folder.0, &plan, &options);
+    std::fs::write(folder.path("kappa.ecsv"), KAPPA).unwrap();
+    let arguments = [
+        "observe",
+        "night.toml",
+        "-o",
+        "session",
+        "--real-time",
+        "--page",
+        "127.0.0.1:0",
+        "--calibration",
+        "kappa.ecsv",
+    ];
+    let mut serving = Serving::start(&folder, &arguments);
+    browser.open(&serving.url);
+    browser.run("(() => { const s = document.getElementById('unit'); s.value = 'mag'; s.dispatchEvent(new Event('change')); })()");
+    browser.until("/spcm \\d+\\.\\d+ ± \\d\\.\\d+ mag/.test(document.getElementById('counts-text').innerText)");
+    let how = browser.text("#counts-how");
+    assert!(how.contains("κ of 2020-11-18 (kappa.ecsv)"), "{how}");
+    assert!(how.contains("kappa changes from night to night"), "{how}");
+    let points = "(() => { const c = sunglint.counts.tagger; const k = c.channels.indexOf('spcm'); return c.start_s.map((t, i) => [t, c.magnitudes.magnitude[k][i], c.magnitudes.sigma_mag[k][i]]).filter(([, m]) => m !== null); })()";
+    browser.until(&format!("{points}.length > 60"));
+    let live = browser.run(points);
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.click("#stop");
+    assert!(serving.child.wait().unwrap().success());
+    let catalogue = sunglint_radiometry::sky::Catalogue::embedded();
+    let v_mag = catalogue.find(&star).unwrap().v_mag.unwrap();
+    let arguments = ["page", "session", "--no-open", "--address", "127.0.0.1:0"];
+    let recorded =
+        Serving::start(&folder, &[&arguments[..], &["--calibration", "kappa.ecsv"]].concat());
+    let all = recorded.json("/api/counts/tagger?points=4000");
+    assert_eq!(all["bins"], 1);
+    let channels = all["channels"].as_array().unwrap();
+    let k = channels.iter().position(|channel| channel == "spcm").unwrap();
+    let starts = all["start_s"].as_array().unwrap();
+    let mut most: f64 = 0.0;
+    for point in live.as_array().unwrap() {
+        let [at_s, magnitude, sigma] = [0, 1, 2].map(|i| point[i].as_f64().unwrap());
+        let of = starts.iter().position(|s| (s.as_f64().unwrap() - at_s).abs() < 0.01).unwrap();
+        let again = all["magnitudes"]["magnitude"][k][of].as_f64().unwrap();
+        most = most.max((again - magnitude).abs() / sigma);
+        assert!((again - magnitude).abs() < 0.1 * sigma, "{again} for {magnitude} ± {sigma}");
+        assert!((magnitude - v_mag).abs() < 0.5, "{magnitude} for {v_mag}");
+    }
+    println!("{star}: V {v_mag}, live and recorded differ by {most:.4} σ at most");
+}

@@ -59,7 +59,7 @@ pub struct MagnitudesView {
     pub said: String,
     /// Channels that have them, with the standard uncertainty that κ adds to all of a channel's magnitudes alike, mag.
     pub channels: Vec<(String, f64)>,
-    /// What is doubtful.
+    /// Doubts about them.
     pub warnings: Vec<String>,
 }
 
@@ -135,7 +135,7 @@ impl Scale {
             zero: channels.clone().map(|c| (c.name.clone(), c.magnitude.clone())).collect(),
             view: MagnitudesView {
                 said: format!(
-                    "{} above the air, of light like {}, by κ of {} ({}); σ is that of counting alone",
+                    "{} above the air, of light like {}, by κ of {} ({})",
                     options.band, photometry.spectrum, night.night, calibration.file.file
                 ),
                 channels: channels.map(|c| (c.name.clone(), row(&c.name))).collect(),

@@ -566,6 +566,14 @@ function ticks(low, high, most) {
   for (let v = Math.ceil(low / step) * step; v <= high * (1 + 1e-9); v += step) out.push(v);
   return out;
 }
+// Writes the numbers of an axis with as many digits as tell two marks apart.
+function numbersOf(marks) {
+  const power = (v) => Math.floor(Math.log10(Math.abs(v) || 1));
+  const most = Math.max(...marks.map(Math.abs), 0);
+  const step = power((marks.length > 1 ? marks[1] - marks[0] : 1) * (1 + 1e-9));
+  if (most < 1e5) return (v) => v.toFixed(clamp(-step, 0, 9));
+  return (v) => (v === 0 ? "0" : v.toExponential(clamp(power(most) - step, 1, 9)));
+}
 function timeTicks(low, high, most) {
   const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400];
   const step = steps.find((s) => (high - low) / s <= most) ?? 28800;
@@ -636,11 +644,13 @@ function drawCounts() {
   const y = (rate) => box.b - ((log ? Math.log10(Math.max(rate, 1e-3)) : rate) - bottom) / (top - bottom) * (box.b - box.t);
   c.textBaseline = "middle";
   c.fillStyle = css("--soft");
-  for (const v of ticks(Math.min(bottom, top), Math.max(bottom, top), Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+  const marks = ticks(Math.min(bottom, top), Math.max(bottom, top), Math.max(2, (box.b - box.t) / (2.4 * em)));
+  const written = numbersOf(marks);
+  for (const v of marks) {
     const rate = log ? 10 ** v : v;
     if (y(rate) < box.t - 1 || y(rate) > box.b + 1) continue;
     c.beginPath(); c.moveTo(box.l, y(rate)); c.lineTo(box.r, y(rate)); c.stroke();
-    const text = mags ? v.toFixed(Math.abs(top - bottom) < 1 ? 2 : 1) : hertz(rate);
+    const text = mags ? written(v) : hertz(rate);
     c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(rate));
   }
   c.save();
@@ -722,7 +732,7 @@ function unitShown() {
   for (const id of ["log", "corrected", "predicted"]) $(id).disabled = Boolean(wanted);
   $("unit-label").hidden = !of;
   const each = of?.channels.map(([name, sigma]) => `${name} ${sigma.toFixed(3)}`).join(", ");
-  $("counts-how").textContent = wanted ? [`${of.said}. κ may shift all of a channel alike, by (mag): ${each}. The sky beside the target is taken off; light that misses the fibre is not added.`, ...of.warnings].join(" · ") : "";
+  $("counts-how").textContent = wanted ? [`${of.said}. σ is that of counting alone. κ may shift all of a channel alike, by (mag): ${each}. The sky beside the target is taken off; light that misses the fibre is not added.`, ...of.warnings].join(" · ") : "";
 }
 
 // What was predicted, as dashes in the channel's colour; its range in view.
@@ -783,6 +793,15 @@ function readCounts(data, inside, faults) {
   $("counts").setAttribute("aria-label", `counts of ${S.counter}: ${rates}; ${faults} points with faults in view`);
 }
 
+// Background of a legend's line: in red light with the line's own stroke.
+function swatchOf(k) {
+  const colour = lineColour(k);
+  const dash = theme() === "red" ? STROKES[k % 4] : [];
+  let [at, stops] = [0, []];
+  dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
+  return dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
+}
+
 function legend() {
   const box = $("legend");
   const data = countsNow();
@@ -793,11 +812,7 @@ function legend() {
     input.addEventListener("change", () => { input.checked ? S.off.delete(name) : S.off.add(name); redraw("counts"); });
     const swatch = document.createElement("span");
     swatch.className = "swatch";
-    const colour = lineColour(k);
-    const dash = theme() === "red" ? STROKES[k % 4] : [];
-    let [at, stops] = [0, []];
-    dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
-    swatch.style.background = dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
+    swatch.style.background = swatchOf(k);
     label.append(input, swatch, name);
     return label;
   }));
@@ -1431,10 +1446,12 @@ function drawCurve() {
     if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
   }
   c.textBaseline = "middle";
-  for (const v of ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+  const marks = ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)));
+  const written = numbersOf(marks);
+  for (const v of marks) {
     if (y(v) < box.t - 1 || y(v) > box.b + 1) continue;
     c.beginPath(); c.moveTo(box.l, y(v)); c.lineTo(box.r, y(v)); c.stroke();
-    const text = Math.abs(v) >= 1e5 ? v.toExponential(1) : String(Math.round(v * 100) / 100);
+    const text = written(v);
     c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(v));
   }
   const same = R.old === R.now;
@@ -1442,6 +1459,23 @@ function drawCurve() {
     if (!channel || (same && k === 0)) return;
     c.fillStyle = k === 0 ? css("--soft") : css("--accent");
     const size = k === 0 ? 2 : 2.5;
+    const sigmas = (mags ? channel.sigma_mag : channel.sigma) ?? [];
+    if (k === 1 && channel.time_s.length < 700) {
+      // One σ up and down, where the dots leave room for it.
+      c.strokeStyle = css("--accent");
+      c.save();
+      c.beginPath(); c.rect(box.l, box.t, box.r - box.l, box.b - box.t); c.clip();
+      c.globalAlpha = 0.4;
+      c.beginPath();
+      valuesOf(channel).forEach((rate, i) => {
+        if (rate === null || sigmas[i] === null || sigmas[i] === undefined) return;
+        c.moveTo(x(channel.time_s[i]), y(rate - sigmas[i]));
+        c.lineTo(x(channel.time_s[i]), y(rate + sigmas[i]));
+      });
+      c.stroke();
+      c.restore();
+      c.globalAlpha = 1;
+    }
     valuesOf(channel).forEach((rate, i) => {
       if (rate === null) return;
       const [px, py] = [x(channel.time_s[i]), y(rate)];
@@ -1950,5 +1984,5 @@ async function begin() {
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, theme, ticks, token, utc };
+export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc };
 begin();

@@ -29,7 +29,7 @@ impl Planet {
     pub const ALL: [Self; 5] =
         [Self::Mercury, Self::Venus, Self::Mars, Self::Jupiter, Self::Saturn];
 
-    /// Its name.
+    /// Name of the planet.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mercury => "Mercury",
@@ -40,7 +40,7 @@ impl Planet {
         }
     }
 
-    /// Its number in `plan94`, where 3 is the Earth with the Moon.
+    /// Number of the planet in `plan94`, where 3 is the Earth with the Moon.
     fn number(self) -> i32 {
         match self {
             Self::Mercury => 1,
@@ -73,7 +73,7 @@ pub struct PlanetPlace {
 pub struct PlanetSighting {
     /// The planet.
     pub planet: Planet,
-    /// Its direction at the site, true (unrefracted).
+    /// Direction at the site, true (unrefracted).
     pub horizontal: Horizontal,
     /// Direction, distance and brightness.
     pub place: PlanetPlace,
