@@ -881,7 +881,7 @@ for_s = 200
 off = "dark"
 for_s = 300
 "#,
-        crate::common::star_of_now::night_of_now(&folder.path("station"))
+        crate::common::star_of_now::night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0)
     );
     std::fs::write(folder.path("night.toml"), plan).unwrap();
     let options =

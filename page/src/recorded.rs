@@ -180,6 +180,8 @@ struct EventsView<'a> {
     left_out: usize,
 }
 
+/// Rates of the sky by channel, for a counter and the number of a visit.
+type SkyRates = HashMap<(String, usize), Vec<Option<Off>>>;
 type LastFrame = Option<(String, usize, Arc<Frame>)>;
 
 /// A recorded session with its index.
@@ -204,7 +206,7 @@ pub struct Recording {
     predicted: Vec<Predicted>,
     scale: Option<Scale>,
     /// Rates of the sky by counter and visit, as they are asked for.
-    sky: Mutex<HashMap<(String, usize), Vec<Option<Off>>>>,
+    sky: Mutex<SkyRates>,
     warnings: Vec<String>,
 }
 
