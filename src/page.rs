@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use sunglint_formats::ecsv;
-use sunglint_page::{Recording, Server, Source};
+use sunglint_page::{Calibration, Recording, Server, Source};
 use sunglint_radiometry::light_curve::LightCurve;
 
 /// Arguments of `sunglint page`.
@@ -26,6 +26,9 @@ pub struct PageArgs {
     /// Light curves that are drawn beneath the counts, such as what `sunglint simulate` predicts (ECSV)
     #[arg(long, value_name = "CURVE")]
     pub predicted: Vec<PathBuf>,
+    /// Magnitudes by the coefficients κ of this file, which `sunglint calibrate` wrote (ECSV)
+    #[arg(long, value_name = "KAPPA")]
+    pub calibration: Option<PathBuf>,
     /// Print the address and open no browser
     #[arg(long)]
     pub no_open: bool,
@@ -40,13 +43,24 @@ pub fn predicted(paths: &[PathBuf]) -> anyhow::Result<Vec<LightCurve>> {
     paths.iter().map(read).collect()
 }
 
+/// Reads the calibration by which magnitudes are shown.
+///
+/// # Errors
+/// A file that is no calibration.
+pub fn calibration(path: Option<&PathBuf>) -> anyhow::Result<Option<Calibration>> {
+    Ok(path.map(|path| Calibration::read(path)).transpose()?)
+}
+
 /// Serves a recorded session until Ctrl-C.
 ///
 /// # Errors
 /// A folder that is no session; an address that cannot be listened at.
 pub fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
     let address = address_of(&args.address)?;
-    let recording = Recording::open(&args.session)?.beside(&predicted(&args.predicted)?);
+    let calibration = calibration(args.calibration.as_ref())?;
+    let recording = Recording::open(&args.session)?
+        .beside(&predicted(&args.predicted)?)
+        .calibrated(calibration.as_ref());
     let may = "sees the session and saves reductions";
     serve(address, Arc::new(recording), may, !args.no_open, console)
 }

@@ -31,6 +31,7 @@ mod names;
 mod observe;
 mod output;
 mod page;
+mod page_saved;
 mod passes;
 mod period;
 mod picture;

@@ -26,6 +26,8 @@ const WAITING: usize = 4096;
 const POINT_S: f64 = 0.1;
 /// Points of each counter that are kept: ten minutes at ten a second.
 const POINTS: usize = 6000;
+/// Points of the last stretch of empty sky that are kept.
+const OFF_POINTS: usize = 600;
 /// Points in one answer at most.
 const ANSWER: usize = 1200;
 /// Events that are kept.
@@ -304,12 +306,28 @@ struct Point {
     flags: u32,
 }
 
+/// Counts of the last visit to the empty sky.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct OffPoints {
+    /// Channels, in the order of the counts.
+    pub channels: Vec<String>,
+    /// When that visit began, s after the night's start.
+    pub from_s: f64,
+    /// Length of each point, s.
+    pub length_s: Vec<f64>,
+    /// Counts of each point, by channel.
+    pub counts: Vec<Vec<u64>>,
+    /// Flags of each point: bits of [`CountFlags`](sunglint_formats::CountFlags).
+    pub flags: Vec<u32>,
+}
+
 #[derive(Debug, Default)]
 struct Ring {
     channels: Vec<String>,
     points: VecDeque<Point>,
     open: Option<Point>,
     next: u64,
+    off: OffPoints,
 }
 
 impl Ring {
@@ -338,6 +356,29 @@ impl Ring {
         }
         while self.points.len() > POINTS {
             self.points.pop_front();
+        }
+    }
+
+    /// Keeps the points from number `first` on that lie within a visit to the empty sky; `sky` has the visits, s after the night's start.
+    fn keep_off(&mut self, first: u64, sky: &[[f64; 2]]) {
+        let new = usize::try_from(self.next.saturating_sub(first)).unwrap_or(usize::MAX);
+        for point in self.points.iter().skip(self.points.len().saturating_sub(new)) {
+            let end_s = point.start_s + point.length_s;
+            // A start may be a rounding error early.
+            let within = |visit: &&[f64; 2]| visit[0] <= point.start_s + 1e-6 && end_s <= visit[1];
+            let Some(visit) = sky.iter().find(within) else { continue };
+            if self.off.channels.is_empty() || visit[0] > self.off.from_s {
+                self.off = OffPoints {
+                    channels: self.channels.clone(),
+                    from_s: visit[0],
+                    ..OffPoints::default()
+                };
+            }
+            if self.off.counts.len() < OFF_POINTS {
+                self.off.length_s.push(point.length_s);
+                self.off.counts.push(point.counts.clone());
+                self.off.flags.push(point.flags);
+            }
         }
     }
 }
@@ -581,14 +622,21 @@ impl LiveState {
         let mut inner = lock(&self.inner);
         let inner = &mut *inner;
         let Some(start) = inner.start else { return };
+        let seconds = |epoch: Epoch| (epoch - start).to_seconds();
+        let of_sky = |slot: &&Slot| slot.target.target_kind == TargetKind::Sky;
+        let ends_s = |slot: &Slot| slot.to.map_or(f64::INFINITY, seconds);
+        let sky: Vec<[f64; 2]> =
+            slots.iter().filter(of_sky).map(|slot| [seconds(slot.from), ends_s(slot)]).collect();
         let waiting = lock(&self.waiting);
         loop {
             match waiting.try_recv() {
                 Ok(Update::Counts(counter, records)) => {
                     if let Some(ring) = inner.rings.get_mut(&counter) {
+                        let first = ring.next;
                         for record in &records {
-                            ring.add((record.start - start).to_seconds(), record);
+                            ring.add(seconds(record.start), record);
                         }
+                        ring.keep_off(first, &sky);
                     }
                 }
                 Ok(Update::Event(event)) => {
@@ -706,6 +754,12 @@ impl LiveState {
     /// The last frame of a camera, with its number.
     pub fn last_frame(&self, camera: &str) -> Option<(u64, Arc<Frame>)> {
         lock(&self.frames).get(camera).cloned()
+    }
+
+    /// Counts of the last visit to the empty sky so far; `None` where there was none.
+    pub fn off(&self, counter: &str) -> Option<OffPoints> {
+        let inner = lock(&self.inner);
+        inner.rings.get(counter).map(|ring| ring.off.clone()).filter(|off| !off.counts.is_empty())
     }
 
     /// State of the night, and what came since. `None` before it begins.
@@ -886,6 +940,25 @@ mod tests {
             (7000, ANSWER, 6900 - ANSWER as u64)
         );
         assert_eq!(counts_since(&long, 6999).start_s, [6999.0]);
+    }
+
+    /// Truth: by hand: of points of a second, two visits to the sky of 10 s and 5 s keep their own: the last visit's, those that lie within it whole.
+    #[test]
+    fn the_last_empty_sky_is_kept() {
+        let mut ring = Ring { channels: vec!["g".into()], ..Ring::default() };
+        let sky = [[2.0, 12.0], [20.5, 25.5]];
+        for i in 0..15 {
+            ring.add(i as f64, &record(i, 1_000_000_000_000));
+            ring.keep_off(i, &sky);
+        }
+        assert_eq!((ring.off.from_s, ring.off.counts.len()), (2.0, 10));
+        assert_eq!((ring.off.counts[0][0], ring.off.counts[9][0]), (2, 11));
+        for i in 15..30 {
+            ring.add(i as f64, &record(i, 1_000_000_000_000));
+        }
+        ring.keep_off(15, &sky);
+        let counts: Vec<u64> = ring.off.counts.iter().map(|counts| counts[0]).collect();
+        assert_eq!((ring.off.from_s, counts), (20.5, vec![21, 22, 23, 24]));
     }
 
     /// Truth: by hand: capture that nobody empties loses what finds no room, and counts it; it never waits. A frame that somebody holds is left.

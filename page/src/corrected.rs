@@ -29,12 +29,18 @@ impl Corrected {
 
     /// A channel's rate of photons, Hz; `None` where the station does not have the channel, or it is saturated.
     pub fn rate_hz(&self, channel: &str, counted_hz: f64, length_s: f64) -> Option<f64> {
+        self.linear(channel, counted_hz, length_s).map(|(rate, _)| rate)
+    }
+
+    /// The same with its standard uncertainty from counting.
+    pub fn linear(&self, channel: &str, counted_hz: f64, length_s: f64) -> Option<(f64, f64)> {
         let (law, dark_hz) = self.0.get(channel)?;
         let counts = counted_hz * length_s;
         if !(0.0..9e15).contains(&counts) {
             return None;
         }
-        Some(law.linearise(counts.round() as u64, length_s).ok()?.rate_hz - dark_hz)
+        let linear = law.linearise(counts.round() as u64, length_s).ok()?;
+        Some((linear.rate_hz - dark_hz, linear.sigma_hz))
     }
 
     /// The same of all points of all channels.

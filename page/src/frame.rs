@@ -59,13 +59,54 @@ impl Part {
     /// The part that a request names: `x`, `y`, `w`, `h` and `most`; the whole frame without them.
     pub fn of(request: &Request, size_px: [usize; 2]) -> Self {
         let whole = |key: &str| request.whole(key).and_then(|n| usize::try_from(n).ok());
-        let x = whole("x").unwrap_or(0).min(size_px[0].saturating_sub(1));
-        let y = whole("y").unwrap_or(0).min(size_px[1].saturating_sub(1));
-        let w = whole("w").unwrap_or(size_px[0]).clamp(1, (size_px[0] - x).max(1));
-        let h = whole("h").unwrap_or(size_px[1]).clamp(1, (size_px[1] - y).max(1));
+        let part_px = [
+            whole("x").unwrap_or(0),
+            whole("y").unwrap_or(0),
+            whole("w").unwrap_or(size_px[0]),
+            whole("h").unwrap_or(size_px[1]),
+        ];
         let most_px = whole("most").unwrap_or(1280).clamp(16, MOST_PX);
+        Self::within(Some(part_px), most_px, size_px)
+    }
+
+    /// A part of a frame, first column and row, columns and rows, as far as it lies within the frame; the whole frame without one.
+    pub fn within(part_px: Option<[usize; 4]>, most_px: usize, size_px: [usize; 2]) -> Self {
+        let [x, y, w, h] = part_px.unwrap_or([0, 0, size_px[0], size_px[1]]);
+        let (x, y) = (x.min(size_px[0].saturating_sub(1)), y.min(size_px[1].saturating_sub(1)));
+        let (w, h) = (w.clamp(1, (size_px[0] - x).max(1)), h.clamp(1, (size_px[1] - y).max(1)));
         Self { window_px: [x, y, w, h], most_px }
     }
+
+    /// Columns and rows of the frame in each pixel that is shown.
+    pub fn bin(&self) -> usize {
+        let [_, _, w, h] = self.window_px;
+        w.max(h).div_ceil(self.most_px).max(1)
+    }
+
+    /// Columns and rows that are shown.
+    pub fn shape(&self) -> [usize; 2] {
+        let [_, _, w, h] = self.window_px;
+        [w.div_ceil(self.bin()), h.div_ceil(self.bin())]
+    }
+}
+
+/// The pixels of a part of a frame, row by row: as they are, or means of blocks.
+pub(crate) fn binned(frame: &Frame, part: Part) -> impl Iterator<Item = u16> {
+    let ([x, y, w, h], bin, shape) = (part.window_px, part.bin(), part.shape());
+    let pixels = frame.pixels.slice(ndarray::s![y..y + h, x..x + w]);
+    (0..shape[1]).flat_map(move |j| {
+        let rows = bin.min(h - j * bin);
+        let mut sums = vec![0_u64; shape[0]];
+        for row in pixels.slice(ndarray::s![j * bin..j * bin + rows, ..]).rows() {
+            for (column, pixel) in row.iter().enumerate() {
+                sums[column / bin] += u64::from(*pixel);
+            }
+        }
+        (0..shape[0]).map(move |i| {
+            let columns = bin.min(w - i * bin);
+            (sums[i] / (columns * rows) as u64) as u16
+        })
+    })
 }
 
 /// Encodes part of a frame.
@@ -75,9 +116,7 @@ pub fn encode(frame: &Frame, number: u64, start: Epoch, request: &Request) -> An
         return Answer::error(404, "this frame has no pixels");
     }
     let part = Part::of(request, [columns, rows]);
-    let [x, y, w, h] = part.window_px;
-    let bin = w.max(h).div_ceil(part.most_px).max(1);
-    let shape = [w.div_ceil(bin), h.div_ceil(bin)];
+    let (bin, shape) = (part.bin(), part.shape());
     let text = |key: &str| frame.header.text(key).map(|text| text.trim().to_owned());
     let place = frame.header.real("CENTAZ").zip(frame.header.real("CENTALT"));
     let header = FrameHeader {
@@ -106,25 +145,8 @@ pub fn encode(frame: &Frame, number: u64, start: Epoch, request: &Request) -> An
     let mut body = Vec::with_capacity(4 + json.len() + 2 * shape[0] * shape[1]);
     body.extend((json.len() as u32).to_le_bytes());
     body.extend(&json);
-    let pixels = frame.pixels.slice(ndarray::s![y..y + h, x..x + w]);
-    if bin == 1 {
-        for pixel in &pixels {
-            body.extend(pixel.to_le_bytes());
-        }
-    } else {
-        for block_row in pixels.axis_chunks_iter(ndarray::Axis(0), bin) {
-            let mut sums = vec![0_u64; shape[0]];
-            for row in block_row.rows() {
-                for (column, pixel) in row.iter().enumerate() {
-                    sums[column / bin] += u64::from(*pixel);
-                }
-            }
-            for (i, sum) in sums.iter().enumerate() {
-                let columns = bin.min(w - i * bin);
-                let mean = sum / (columns * block_row.nrows()) as u64;
-                body.extend((mean as u16).to_le_bytes());
-            }
-        }
+    for pixel in binned(frame, part) {
+        body.extend(pixel.to_le_bytes());
     }
     Answer::bytes(body)
 }

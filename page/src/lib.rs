@@ -17,11 +17,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod clip;
 mod corrected;
 pub mod frame;
 mod gate;
 mod lab;
 mod live;
+mod magnitudes;
 mod marks;
 mod plan;
 mod recorded;
@@ -33,6 +35,7 @@ pub mod sky;
 pub use gate::Token;
 pub use lab::{LabReading, LabRun, LabState};
 pub use live::LiveNight;
+pub use magnitudes::{Calibration, MagnitudesView};
 pub use plan::{PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
 pub use recorded::{About, CountsView, DeviceView, FibreView, Recording, VisitView};
 pub use request::{Answer, Request, Source};

@@ -2,6 +2,7 @@
 
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
+use crate::magnitudes::{Calibration, PointMagnitudes, Points, Scale, sky_of};
 use crate::marks::marks;
 use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
 use crate::request::{Answer, Request, Source};
@@ -14,8 +15,10 @@ use std::time::Duration as Wait;
 use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
-use sunglint_observatory::live::{Click, Control, ControlError, LiveState, LiveView, Seen};
-use sunglint_observatory::{Schedule, Slot};
+use sunglint_observatory::live::{
+    Click, Control, ControlError, LiveCounts, LiveState, LiveView, Seen,
+};
+use sunglint_observatory::{Pointing, Schedule, Slot};
 use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::Station;
 
@@ -33,6 +36,8 @@ pub struct LiveNight {
     marked: Mutex<Option<(String, Epoch, Answer)>>,
     corrected: OnceLock<Corrected>,
     predicted: Vec<LightCurve>,
+    calibration: Option<Calibration>,
+    scale: OnceLock<Result<Scale, String>>,
 }
 
 /// State of the night, with the counts that came without dead time and dark counts.
@@ -41,6 +46,8 @@ struct Shown<'a> {
     #[serde(flatten)]
     view: &'a LiveView,
     corrected_hz: BTreeMap<&'a str, Vec<Vec<Option<f64>>>>,
+    /// Magnitudes of the same points, where there is a calibration.
+    magnitudes: BTreeMap<&'a str, PointMagnitudes>,
 }
 
 /// Command of a page.
@@ -74,6 +81,8 @@ impl LiveNight {
             marked: Mutex::default(),
             corrected: OnceLock::new(),
             predicted: Vec::new(),
+            calibration: None,
+            scale: OnceLock::new(),
         }
     }
 
@@ -82,6 +91,50 @@ impl LiveNight {
     pub fn beside(mut self, curves: Vec<LightCurve>) -> Self {
         self.predicted = curves;
         self
+    }
+
+    /// Gives magnitudes by this calibration.
+    #[must_use]
+    pub fn calibrated(mut self, calibration: Option<Calibration>) -> Self {
+        self.calibration = calibration;
+        self
+    }
+
+    /// The scale of magnitudes; `None` without a calibration.
+    fn scale(&self, station: &Station, start: Epoch) -> Option<&Result<Scale, String>> {
+        let calibration = self.calibration.as_ref()?;
+        Some(self.scale.get_or_init(|| Scale::new(calibration, station, start)))
+    }
+
+    /// Magnitudes of the counts in a view.
+    fn magnitudes<'a>(
+        &self,
+        view: &'a LiveView,
+        station: &Station,
+        corrected: &Corrected,
+    ) -> BTreeMap<&'a str, PointMagnitudes> {
+        let Some(start) = self.state.start() else { return BTreeMap::new() };
+        let Some(Ok(scale)) = self.scale(station, start) else { return BTreeMap::new() };
+        let schedule = Schedule::new(self.state.slots());
+        let mut pointing = Pointing::new(station.clone());
+        let of = |(name, counts): (&'a String, &'a LiveCounts)| {
+            let off = self.state.off(name).unwrap_or_default();
+            let each = off.counts.iter().zip(&off.length_s).zip(&off.flags);
+            let points: Vec<(&[u64], f64, u32)> =
+                each.map(|((counts, s), flags)| (counts.as_slice(), *s, *flags)).collect();
+            let sky = sky_of(corrected, &counts.channels, &points);
+            let points = Points {
+                channels: &counts.channels,
+                start_s: &counts.start_s,
+                length_s: &counts.length_s,
+                rate_hz: &counts.rate_hz,
+            };
+            let target = |utc| schedule.at(utc).cloned();
+            let off = |_| sky.clone();
+            let found = scale.points(points, corrected, &mut pointing, start, &target, &off);
+            (name.as_str(), found)
+        };
+        view.counts.iter().map(of).collect()
     }
 
     fn predicted(&self) -> Result<Answer, Answer> {
@@ -122,6 +175,15 @@ impl LiveNight {
             exposure_s: 0.0,
             taken: 0,
         });
+        let mut warnings = station.warnings.clone();
+        let magnitudes = match self.scale(&station, start) {
+            Some(Ok(scale)) => Some(scale.view.clone()),
+            Some(Err(error)) => {
+                warnings.push(error.clone());
+                None
+            }
+            None => None,
+        };
         Ok(Answer::json(&About {
             mode: "live",
             name: self.state.name(),
@@ -137,7 +199,8 @@ impl LiveNight {
             sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
             flag_names: flag_names(),
             sun_limit_deg: self.state.sun_limit_deg(),
-            warnings: station.warnings.clone(),
+            warnings,
+            magnitudes,
         }))
     }
 
@@ -153,7 +216,8 @@ impl LiveNight {
             let rates = corrected.all(&counts.channels, &counts.rate_hz, &counts.length_s);
             (name.as_str(), rates)
         });
-        Ok(Answer::json(&Shown { corrected_hz: counts.collect(), view: &view }))
+        let magnitudes = self.magnitudes(&view, &station, corrected);
+        Ok(Answer::json(&Shown { corrected_hz: counts.collect(), magnitudes, view: &view }))
     }
 
     fn frame(&self, request: &Request, camera: &str) -> Result<Answer, Answer> {

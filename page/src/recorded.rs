@@ -1,13 +1,16 @@
 //! A recorded session, to be looked at like a film: an index of its frames, bins and events in memory, all else read when it is asked for.
 
+use crate::clip::ClipWish;
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
+use crate::magnitudes::{Calibration, MagnitudesView, Off, PointMagnitudes, Points, Scale, sky_of};
 use crate::marks::marks;
 use crate::request::{Answer, Request, Source};
 use crate::rework::Rework;
 use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::Serialize;
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use sunglint_formats::session::{
@@ -15,6 +18,7 @@ use sunglint_formats::session::{
 };
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, FileError, Frame};
+use sunglint_observatory::Pointing;
 use sunglint_observatory::live::LiveEvent;
 use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::{Detector, Station};
@@ -23,6 +27,8 @@ use sunglint_radiometry::station::{Detector, Station};
 const POINTS: u64 = 4000;
 /// Bins that are read from the file for one plot at most.
 const BINS: u64 = 40_000;
+/// Bins of a visit to the sky that are read at most.
+const SKY_BINS: usize = 6000;
 /// Events in an answer at most.
 const EVENTS: usize = 5000;
 
@@ -100,6 +106,8 @@ pub struct About {
     pub sun_limit_deg: Option<f64>,
     /// What is wrong, for the person who looks.
     pub warnings: Vec<String>,
+    /// Where magnitudes come from; `None` without a calibration.
+    pub magnitudes: Option<MagnitudesView>,
 }
 
 /// Milliseconds of Unix time.
@@ -161,6 +169,9 @@ pub struct CountsView {
     pub flags: Vec<u32>,
     /// Mean rate without dead time and dark counts, Hz; `None` where the station does not tell, or the counter was saturated.
     pub corrected_hz: Vec<Vec<Option<f64>>>,
+    /// Magnitudes of the target, where there is a calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) magnitudes: Option<PointMagnitudes>,
 }
 
 #[derive(Serialize)]
@@ -169,6 +180,8 @@ struct EventsView<'a> {
     left_out: usize,
 }
 
+/// Rates of the sky by channel, for a counter and the number of a visit.
+type SkyRates = HashMap<(String, usize), Vec<Option<Off>>>;
 type LastFrame = Option<(String, usize, Arc<Frame>)>;
 
 /// A recorded session with its index.
@@ -187,8 +200,13 @@ pub struct Recording {
     tracks: Mutex<Option<Arc<Vec<SkyTrack>>>>,
     last: Mutex<LastFrame>,
     rework: Rework,
+    /// One clip at a time.
+    clip: Mutex<()>,
     corrected: Corrected,
     predicted: Vec<Predicted>,
+    scale: Option<Scale>,
+    /// Rates of the sky by counter and visit, as they are asked for.
+    sky: Mutex<SkyRates>,
     warnings: Vec<String>,
 }
 
@@ -270,8 +288,11 @@ impl Recording {
             tracks: Mutex::default(),
             last: Mutex::default(),
             rework: Rework::default(),
+            clip: Mutex::default(),
             corrected,
             predicted: Vec::new(),
+            scale: None,
+            sky: Mutex::default(),
             warnings,
         })
     }
@@ -281,6 +302,66 @@ impl Recording {
     pub fn beside(mut self, curves: &[LightCurve]) -> Self {
         self.predicted = curves.iter().map(|curve| Predicted::of(curve, self.start)).collect();
         self
+    }
+
+    /// Gives magnitudes by this calibration; what it lacks is a warning on the page.
+    #[must_use]
+    pub fn calibrated(mut self, calibration: Option<&Calibration>) -> Self {
+        let Some((calibration, station)) = calibration.zip(self.station.as_ref().ok()) else {
+            return self;
+        };
+        match Scale::new(calibration, station, self.start) {
+            Ok(scale) => self.scale = Some(scale),
+            Err(error) => self.warnings.push(error),
+        }
+        self
+    }
+
+    /// Rate of the sky in each channel of a counter: of the last visit to it before a time, or else of the first after it.
+    fn sky_rate(&self, counter: &str, index: &CountIndex, utc: Epoch) -> Vec<Option<Off>> {
+        let of_sky = |visit: &&(usize, &Visit)| visit.1.target.target_kind == TargetKind::Sky;
+        let visits: Vec<(usize, &Visit)> = self.visits.iter().enumerate().collect();
+        let before = visits.iter().rev().filter(of_sky).find(|(_, visit)| visit.from <= utc);
+        let Some((number, visit)) = before.or_else(|| visits.iter().find(of_sky)) else {
+            return Vec::new();
+        };
+        let mut known = self.sky.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = known.entry((counter.to_owned(), *number)).or_insert_with(|| {
+            let to = visit.to.unwrap_or(self.end);
+            let records = index.records(visit.from, to, SKY_BINS).unwrap_or_default();
+            let length_s = |record: &CountRecord| record.length_ps as f64 * 1e-12;
+            let within = |record: &&CountRecord| {
+                record.start >= visit.from
+                    && record.start + Duration::from_seconds(length_s(record)) <= to
+            };
+            let points: Vec<(&[u64], f64, u32)> = records
+                .iter()
+                .filter(within)
+                .map(|record| (record.counts.as_slice(), length_s(record), record.flags.bits()))
+                .collect();
+            sky_of(&self.corrected, index.channels(), &points)
+        });
+        made.clone()
+    }
+
+    /// Magnitudes of the points of a view.
+    fn magnitudes(
+        &self,
+        view: &CountsView,
+        counter: &str,
+        index: &CountIndex,
+    ) -> Option<PointMagnitudes> {
+        let (scale, station) = (self.scale.as_ref()?, self.station.as_ref().ok()?);
+        let points = Points {
+            channels: &view.channels,
+            start_s: &view.start_s,
+            length_s: &view.length_s,
+            rate_hz: &view.rate_hz,
+        };
+        let target = |utc| self.target_at(utc).cloned();
+        let off = |utc| self.sky_rate(counter, index, utc);
+        let mut pointing = Pointing::new(station.clone());
+        Some(scale.points(points, &self.corrected, &mut pointing, self.start, &target, &off))
     }
 
     fn seconds(&self, epoch: Epoch) -> f64 {
@@ -331,6 +412,7 @@ impl Recording {
             flag_names: flag_names(),
             sun_limit_deg: None,
             warnings: self.warnings.clone(),
+            magnitudes: self.scale.as_ref().map(|scale| scale.view.clone()),
         }
     }
 
@@ -393,6 +475,7 @@ impl Recording {
             }
         }
         view.corrected_hz = self.corrected.all(&view.channels, &view.rate_hz, &view.length_s);
+        view.magnitudes = self.magnitudes(&view, counter, index);
         Ok(Answer::json(&view))
     }
 
@@ -426,10 +509,27 @@ impl Recording {
     fn reworked(&self, what: &str, body: &[u8]) -> Result<Answer, Answer> {
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
         match what {
-            "reduction" => self.rework.curve(&self.session, station, body),
+            "reduction" => self.rework.curve(&self.session, station, self.scale.as_ref(), body),
             "reduction.ecsv" => self.rework.file(&self.session, station, body),
             _ => Rework::save(&self.session, body),
         }
+    }
+
+    /// A stretch of frames as an animated PNG.
+    fn clip(&self, body: &[u8]) -> Result<Answer, Answer> {
+        let wish: ClipWish = serde_json::from_slice(body)
+            .map_err(|error| Answer::error(400, &format!("no clip: {error}")))?;
+        wish.check()?;
+        let film = self.film(&wish.camera).ok_or_else(Answer::missing)?;
+        let chosen = wish.chosen(film.files.iter().map(|file| file.sequence))?;
+        let _one = self.clip.try_lock().map_err(|_| {
+            Answer::error(503, "another clip is being made: try again when it is done")
+        })?;
+        wish.made(&chosen, |index| {
+            let file = film.files.get(index).ok_or_else(Answer::missing)?;
+            let frame = file.read().map_err(|error| Answer::error(500, &error.to_string()))?;
+            Ok((file.sequence, frame))
+        })
     }
 
     fn all_events(&self) -> Answer {
@@ -498,6 +598,7 @@ impl Source for Recording {
             [what @ ("reduction" | "reduction.ecsv" | "recipes")] if request.post => {
                 self.reworked(what, &request.body)
             }
+            ["clip"] if request.post => self.clip(&request.body),
             ["reduction", "cancel"] if request.post => Ok(self.rework.cancel()),
             _ if request.post => Err(Answer::error(405, "a recorded session cannot be steered")),
             ["recipes"] => Ok(Rework::names(&self.session)),

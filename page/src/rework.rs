@@ -1,5 +1,6 @@
 //! A recorded visit reduced again, with other choices: the same call as `sunglint reduce --recipe`.
 
+use crate::magnitudes::Scale;
 use crate::request::Answer;
 use hifitime::Epoch;
 use serde::{Deserialize, Serialize};
@@ -86,6 +87,9 @@ struct ChannelView {
     time_s: Vec<f64>,
     rate: Vec<Option<f64>>,
     sigma: Vec<Option<f64>>,
+    /// Magnitude and its σ, where there is a calibration; else empty.
+    magnitude: Vec<Option<f64>>,
+    sigma_mag: Vec<Option<f64>>,
     flags: Vec<u32>,
 }
 
@@ -150,13 +154,14 @@ impl Rework {
         &self,
         session: &Session,
         station: &Station,
+        scale: Option<&Scale>,
         body: &[u8],
     ) -> Result<Answer, Answer> {
         let begun = Instant::now();
         let recipe: Recipe = parsed(body)?;
         let (night, visited) = self.visited(session, station, &recipe)?;
         let start = session.manifest().start_utc;
-        let mut view = CurveView::of(&night, &visited, station, start);
+        let mut view = CurveView::of(&night, &visited, station, scale, start);
         view.took_s = begun.elapsed().as_secs_f64();
         Ok(Answer::json(&view))
     }
@@ -256,7 +261,13 @@ fn thinned(sampled: &[usize], rates: &[f64]) -> Vec<usize> {
 }
 
 impl CurveView {
-    fn of(night: &Reduced, visited: &Visited, station: &Station, start: Epoch) -> Self {
+    fn of(
+        night: &Reduced,
+        visited: &Visited,
+        station: &Station,
+        scale: Option<&Scale>,
+        start: Epoch,
+    ) -> Self {
         let seconds = |time: Epoch| (time - start).to_seconds();
         let samples = &visited.linear.samples;
         let mut notes = Vec::new();
@@ -271,6 +282,8 @@ impl CurveView {
                 time_s: Vec::new(),
                 rate: Vec::new(),
                 sigma: Vec::new(),
+                magnitude: Vec::new(),
+                sigma_mag: Vec::new(),
                 flags: Vec::new(),
             };
             let finite = |value: f64| value.is_finite().then_some(value);
@@ -291,6 +304,12 @@ impl CurveView {
                 view.rate.push(finite(channel.rate_hz[i]));
                 view.sigma.push(finite(channel.sigma_hz[i]));
                 view.flags.push(channel.flags[i].bits());
+                if let Some((scale, zenith_deg)) = scale.zip(samples.zenith_deg.as_ref()) {
+                    let (rate, sigma) = (channel.rate_hz[i], channel.sigma_hz[i]);
+                    let found = scale.magnitude(&channel.name, zenith_deg[i], rate, sigma);
+                    view.magnitude.push(found.map(|(magnitude, _)| magnitude));
+                    view.sigma_mag.push(found.map(|(_, sigma)| sigma));
+                }
             }
             view
         });
@@ -309,6 +328,8 @@ impl CurveView {
                 time_s: looks.iter().map(|look| seconds(look.time)).collect(),
                 rate: looks.iter().map(value).collect(),
                 sigma: vec![None; looks.len()],
+                magnitude: Vec::new(),
+                sigma_mag: Vec::new(),
                 flags: vec![0; looks.len()],
             };
             channels.push(of("focus (width of the target)", "px", &|look| look.fwhm_px));

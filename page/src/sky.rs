@@ -1,11 +1,11 @@
-//! The sky above a station at a moment: stars, Sun, Moon, horizon, and where the telescope pointed.
+//! The sky above a station at a moment: stars, planets, Sun, Moon, horizon, and where the telescope pointed.
 
 use hifitime::{Duration, Epoch};
 use serde::Serialize;
 use sunglint_formats::session::Target;
 use sunglint_observatory::Pointing;
 use sunglint_observatory::planner::star_name;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer, Planet};
 use sunglint_radiometry::station::Station;
 
 /// Faintest star that is drawn, V mag.
@@ -26,6 +26,17 @@ pub struct SkyStar {
     pub v_mag: f64,
 }
 
+/// A planet above the horizon.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SkyPlanet {
+    /// Name.
+    pub name: &'static str,
+    /// Azimuth and altitude, deg, true.
+    pub at_deg: [f64; 2],
+    /// V magnitude; `None` where nobody measured it at such a phase angle.
+    pub v_mag: Option<f64>,
+}
+
 /// The sky at a moment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sky {
@@ -33,6 +44,8 @@ pub struct Sky {
     pub at_s: f64,
     /// Stars to magnitude 4.
     pub stars: Vec<SkyStar>,
+    /// Mercury to Saturn, where they are up.
+    pub planets: Vec<SkyPlanet>,
     /// Azimuth and altitude of the Sun, deg.
     pub sun_deg: [f64; 2],
     /// The same of the Moon.
@@ -76,6 +89,11 @@ impl Sky {
             let plan_name = star_name(star);
             (at_deg[1] > 0.0).then_some(SkyStar { name, plan_name, at_deg, v_mag })
         });
+        let planets = Planet::ALL.into_iter().map(|planet| {
+            let seen = observer.planet(planet);
+            let at_deg = degrees(seen.horizontal);
+            SkyPlanet { name: planet.name(), at_deg, v_mag: seen.place.v_mag }
+        });
         let moon = observer.moon();
         let place = target.and_then(|target| {
             let place = Pointing::new(station.clone()).horizontal_deg(target, utc)?;
@@ -84,6 +102,7 @@ impl Sky {
         Some(Self {
             at_s: (utc - start).to_seconds(),
             stars: stars.collect(),
+            planets: planets.filter(|planet| planet.at_deg[1] > 0.0).collect(),
             sun_deg: degrees(observer.sun().horizontal),
             moon_deg: degrees(moon.horizontal),
             moon_lit: moon.place.illuminated_fraction(),

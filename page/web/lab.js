@@ -1,5 +1,5 @@
 // A run in the lab: the reading, how steady it is, the curve as it grows, the time left.
-import { $, S, Refused, STROKES, complain, css, fit, get, lineColour, notice, redraw, setDraw, span, theme, ticks, token } from "./page.js";
+import { $, S, Refused, STROKES, clamp, complain, css, fit, get, lineColour, notice, redraw, setDraw, span, swatchOf, theme, ticks, token } from "./page.js";
 
 const L = { places: [], seen: 0, view: null };
 window.sunglint.lab = L;
@@ -17,7 +17,7 @@ function swatches() {
       const item = document.createElement("span");
       const swatch = document.createElement("span");
       swatch.className = "swatch";
-      swatch.style.background = lineColour(k);
+      swatch.style.background = swatchOf(k);
       item.append(swatch, ` ${part.replaceAll("_", " ")}`);
       return item;
     }));
@@ -32,7 +32,7 @@ function drawLab() {
   const log = $("lab-log").checked;
   const shown = log ? good.filter((p) => p.mean_w > 0) : good;
   const parts = [...new Set(L.places.map((p) => p.part))];
-  const box = { l: 5.5 * em, r: w - 0.8 * em, t: 0.8 * em, b: h - 2.6 * em };
+  const box = { l: 6.5 * em, r: w - 0.8 * em, t: 0.8 * em, b: h - 2.6 * em };
   if (!shown.length) {
     c.fillStyle = css("--soft");
     c.fillText("no place is measured yet", box.l, h / 2);
@@ -55,9 +55,13 @@ function drawLab() {
   }
   c.fillText(S.about.angle, (box.l + box.r - c.measureText(S.about.angle).width) / 2, box.b + 1.5 * em);
   c.textBaseline = "middle";
-  for (const v of ticks(y0, y1, Math.max(2, (box.b - box.t) / (2.6 * em)))) {
+  const marks = ticks(y0, y1, Math.max(2, (box.b - box.t) / (2.6 * em)));
+  // As many digits as tell two marks apart.
+  const power = (v) => Math.floor(Math.log10(Math.abs(v) || 1));
+  const digits = log || marks.length < 2 ? 1 : clamp(Math.max(...marks.map(power)) - power((marks[1] - marks[0]) * (1 + 1e-9)), 1, 9);
+  for (const v of marks) {
     c.beginPath(); c.moveTo(box.l, y(v)); c.lineTo(box.r, y(v)); c.stroke();
-    const text = `${(log ? 10 ** v : v).toExponential(1)} W`;
+    const text = `${(log ? 10 ** v : v).toExponential(digits)} W`;
     c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(v));
   }
   parts.forEach((part, k) => {
@@ -81,7 +85,7 @@ function show(view) {
   $("target").textContent = view.left_s === null || view.ended ? "" : `about ${span(view.left_s)} left`;
   $("next").textContent = `${span(view.worked_s)} at work`;
   const now = view.now;
-  $("lab-now").textContent = now ? `${now.part.replaceAll("_", " ")}, ${now.place}: ${watts(now.power_w)}, range ${now.range}` : "no reading yet";
+  $("lab-now").textContent = now ? `${now.part.replaceAll("_", " ")}, ${now.place}: ${watts(now.power_w)}, range ${now.range.replace(/(\d)W$/, "$1 W")}` : "no reading yet";
   const last = L.places.at(-1);
   $("lab-steady").textContent = last ? `last place: ${last.place}, ${watts(last.mean_w)}, ${last.readings} readings, scatter ${percent(last.scatter)}` : "\u00a0";
   $("lab").setAttribute("aria-label", `curve of ${L.places.length} places; ${$("lab-now").textContent}`);
@@ -95,7 +99,7 @@ export async function lab() {
   for (const panel of document.querySelectorAll("main > .panel")) panel.hidden = !panel.matches(".lab");
   document.body.classList.add("live", "lab-page");
   $("steer").hidden = !token();
-  $("skip").hidden = true;
+  for (const id of ["skip", "repeat"]) $(id).hidden = true;
   $("stop").textContent = "Stop the run";
   $("lab-log").addEventListener("change", () => redraw("lab"));
   setDraw("lab", drawLab);

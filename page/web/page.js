@@ -123,6 +123,7 @@ function paintTheme() {
 // --- canvases -----------------------------------------------------------------------------------------------------------
 
 function fit(canvas) {
+  if (paper?.of === canvas) return paper;
   const scale = Math.min(devicePixelRatio || 1, 3);
   const [w, h] = [Math.max(1, Math.round(canvas.clientWidth * scale)), Math.max(1, Math.round(canvas.clientHeight * scale))];
   if (canvas.width !== w || canvas.height !== h) Object.assign(canvas, { width: w, height: h });
@@ -132,6 +133,136 @@ function fit(canvas) {
   const size = parseFloat(getComputedStyle(root).fontSize);
   c.font = `${0.8125 * size}px system-ui, "DejaVu Sans", sans-serif`;
   return { c, w: canvas.clientWidth, h: canvas.clientHeight, em: size };
+}
+
+// A figure that is being saved: what is drawn on a canvas then goes there.
+let paper = null;
+
+// As much of a canvas' drawing as the figures use, as elements of SVG. Texts are texts of elements, never markup.
+class Vector {
+  constructor(w, h, font) {
+    Object.assign(this, { fillStyle: "#000", strokeStyle: "#000", lineWidth: 1, globalAlpha: 1, font, textAlign: "left", textBaseline: "alphabetic", dash: [], d: "", clips: 0, stack: [] });
+    this.ruler = document.createElement("canvas").getContext("2d");
+    this.root = this.into = this.node("svg", { width: w, height: h, viewBox: `0 0 ${w} ${h}` });
+  }
+  node(name, attributes) {
+    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, typeof value === "number" ? String(Math.round(value * 100) / 100) : value);
+    return node;
+  }
+  put(name, attributes) {
+    const node = this.node(name, this.globalAlpha < 1 ? { ...attributes, opacity: this.globalAlpha } : attributes);
+    this.into.append(node);
+    return node;
+  }
+  setLineDash(dash) { this.dash = dash; }
+  beginPath() { this.d = ""; }
+  step(letter, ...at) { this.d += letter + at.map((v) => Math.round(v * 100) / 100).join(" "); }
+  moveTo(x, y) { this.step("M", x, y); }
+  lineTo(x, y) { this.step(this.d ? "L" : "M", x, y); }
+  rect(x, y, w, h) { this.step("M", x, y); this.d += `h${w}v${h}h${-w}z`; }
+  // Whole circles alone are drawn.
+  arc(x, y, r) { this.step("M", x - r, y); this.step("A", r, r, 0, 1, 0, x + r, y); this.step("A", r, r, 0, 1, 0, x - r, y); }
+  line() { return { stroke: this.strokeStyle, "stroke-width": this.lineWidth, fill: "none", ...(this.dash.length ? { "stroke-dasharray": this.dash.join(" ") } : {}) }; }
+  stroke() { if (this.d) this.put("path", { d: this.d, ...this.line() }); }
+  fill() { if (this.d) this.put("path", { d: this.d, fill: this.fillStyle }); }
+  fillRect(x, y, width, height) { this.put("rect", { x, y, width, height, fill: this.fillStyle }); }
+  strokeRect(x, y, width, height) { this.put("rect", { x, y, width, height, ...this.line() }); }
+  fillText(text, x, y) {
+    const [, size, family] = /([\d.]+)px (.*)/.exec(this.font);
+    const anchor = { left: "start", center: "middle", right: "end" }[this.textAlign];
+    const down = { alphabetic: 0, middle: 0.35, top: 0.8 }[this.textBaseline] * Number(size);
+    this.put("text", { x, y: y + down, fill: this.fillStyle, "font-size": Number(size), "font-family": family, "text-anchor": anchor }).textContent = text;
+  }
+  measureText(text) { this.ruler.font = this.font; return this.ruler.measureText(text); }
+  save() { this.stack.push(this.into); }
+  restore() { this.into = this.stack.pop() ?? this.root; }
+  clip() {
+    const id = `clip${++this.clips}`;
+    const clip = this.node("clipPath", { id });
+    clip.append(this.node("path", { d: this.d }));
+    const group = this.node("g", { "clip-path": `url(#${id})` });
+    this.into.append(clip, group);
+    this.into = group;
+  }
+}
+
+function download(blob, name) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+const fileName = (text) => text.replace(/[^\p{L}\p{N}_.-]+/gu, "_");
+
+// What a figure is of, with the channels' colours: a figure has no page about it.
+function captions(name) {
+  const date = new Date(S.about.start_unix_ms + 1000 * (S.live ? S.live.now_s : S.t)).toISOString();
+  const out = [[`${S.about.name}, ${date.slice(0, 10)}${name === "counts" || name === "curve" ? "" : ` ${date.slice(11, 19)}`} UTC`]];
+  const data = countsNow();
+  if (name === "counts" && data) {
+    const unit = magnitudesOf(data) ? "magnitude" : $("corrected").checked ? "without dead time and dark counts" : "as counted";
+    out[0][0] += `, ${S.counter}, ${unit}`;
+    data.channels.forEach((channel, k) => { if (!S.off.has(channel)) out.push([channel, lineColour(k), theme() === "red" ? STROKES[k % 4] : []]); });
+  }
+  if (name === "curve") {
+    const channel = R.now.channels.find((c) => c.name === $("rework-channel").value);
+    out[0][0] += `, ${R.visit.name}, ${channel?.name} (${inMagnitudes(channel) ? "mag" : channel?.unit})`;
+  }
+  return out;
+}
+function drawCaptions(c, parts, w, em, top) {
+  c.textAlign = "left";
+  c.textBaseline = "middle";
+  let [x, y] = [0.6 * em, top + 0.7 * em];
+  for (const [text, colour, dash] of parts) {
+    const wide = c.measureText(text).width + (colour ? 2 * em : 0);
+    if (x > em && x + wide > w) { x = 0.6 * em; y += 1.3 * em; }
+    if (colour) {
+      c.strokeStyle = colour;
+      c.lineWidth = 1.5;
+      c.setLineDash(dash);
+      c.beginPath(); c.moveTo(x, y); c.lineTo(x + 1.6 * em, y); c.stroke();
+      c.setLineDash([]);
+    }
+    c.fillStyle = css("--ink");
+    c.fillText(text, x + (colour ? 2 * em : 0), y);
+    x += wide + em;
+  }
+  return y + 0.7 * em;
+}
+
+// A canvas as it is shown, on the panel's colour, with a line of what it is.
+async function figure(name, kind) {
+  const canvas = $(name);
+  DRAW[name]();
+  const { w, h, em } = { w: canvas.clientWidth, h: canvas.clientHeight, em: parseFloat(getComputedStyle(root).fontSize) };
+  const font = `${0.8125 * em}px system-ui, "DejaVu Sans", sans-serif`;
+  const parts = captions(name);
+  // Drawn once to learn its height.
+  const high = Math.ceil(drawCaptions(new Vector(w, h, font), parts, w, em, h));
+  let blob;
+  if (kind === "svg") {
+    const c = new Vector(w, high, font);
+    c.fillStyle = css("--panel");
+    c.fillRect(0, 0, w, high);
+    paper = { of: canvas, c, w, h, em };
+    try { DRAW[name](); } finally { paper = null; }
+    drawCaptions(c, parts, w, em, h);
+    blob = new Blob([new XMLSerializer().serializeToString(c.root)], { type: "image/svg+xml" });
+  } else {
+    const scale = canvas.width / w;
+    const whole = Object.assign(document.createElement("canvas"), { width: canvas.width, height: Math.round(high * scale) });
+    const c = whole.getContext("2d");
+    c.fillStyle = css("--panel");
+    c.fillRect(0, 0, whole.width, whole.height);
+    c.drawImage(canvas, 0, 0);
+    c.scale(scale, scale);
+    c.font = font;
+    drawCaptions(c, parts, w, em, h);
+    blob = await new Promise((done) => whole.toBlob(done, "image/png"));
+  }
+  S.saved = { name: `${name}.${kind}`, blob };
+  download(blob, `${fileName(S.about.name)}-${name}.${kind}`);
 }
 
 // How old what is new was when it was drawn, s: by this computer's clock, which in tests is the night's.
@@ -204,13 +335,13 @@ function stretch(pixels) {
   for (let i = 0; i < pixels.length; i += step) sample.push(pixels[i]);
   sample.sort((a, b) => a - b);
   const at = (q) => sample[Math.round(q * (sample.length - 1))] ?? 0;
-  let [low, high, curve] = [at(0.002), Math.max(at(0.9998), at(0.002) + 1), (x) => x];
+  let [low, high, curve, soft] = [at(0.002), Math.max(at(0.9998), at(0.002) + 1), (x) => x, null];
   if (kind === "zscale") [low, high] = zscale(pixels);
   if (kind === "asinh") {
     const spread = Math.max(1, 1.4826 * (at(0.5) - at(0.16)));
     low = Math.max(0, at(0.5) - 2 * spread);
     high = clamp(sample[sample.length - 1], low + 10 * spread, Math.max(65535, low + 1));
-    const soft = (6 * spread) / (high - low);
+    soft = (6 * spread) / (high - low);
     const top = Math.asinh(1 / soft);
     curve = (x) => Math.asinh(x / soft) / top;
   }
@@ -220,15 +351,15 @@ function stretch(pixels) {
     const g = Math.round(255 * curve(clamp((v - low) / (high - low || 1), 0, 1)));
     table[v] = 0xff000000 | (red ? g : (g << 16) | (g << 8) | g);
   }
-  return { table, low, high };
+  return { table, low, high, soft };
 }
 
 function develop() {
   const f = S.frame;
   if (!f) return;
   const [w, h] = f.header.shape;
-  const { table, low, high } = stretch(f.pixels);
-  Object.assign(f, { low, high });
+  const { table, low, high, soft } = stretch(f.pixels);
+  Object.assign(f, { low, high, soft });
   f.canvas ??= Object.assign(document.createElement("canvas"), { width: w, height: h });
   const image = new ImageData(w, h);
   const out = new Uint32Array(image.data.buffer);
@@ -435,6 +566,14 @@ function ticks(low, high, most) {
   for (let v = Math.ceil(low / step) * step; v <= high * (1 + 1e-9); v += step) out.push(v);
   return out;
 }
+// Writes the numbers of an axis with as many digits as tell two marks apart.
+function numbersOf(marks) {
+  const power = (v) => Math.floor(Math.log10(Math.abs(v) || 1));
+  const most = Math.max(...marks.map(Math.abs), 0);
+  const step = power((marks.length > 1 ? marks[1] - marks[0] : 1) * (1 + 1e-9));
+  if (most < 1e5) return (v) => v.toFixed(clamp(-step, 0, 9));
+  return (v) => (v === 0 ? "0" : v.toExponential(clamp(power(most) - step, 1, 9)));
+}
 function timeTicks(low, high, most) {
   const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400];
   const step = steps.find((s) => (high - low) / s <= most) ?? 28800;
@@ -473,6 +612,7 @@ function drawCounts() {
     if (c.measureText(name).width < b - a - 0.4 * em) { c.fillStyle = css("--soft"); c.fillText(name, a + 0.2 * em, box.t + 0.7 * em); }
   }
   const canvas = $("counts");
+  if (data && magnitudesOf(data)) { c.fillStyle = css("--soft"); c.fillText("mag", 0.2 * em, 0); }
   if (!data || !data.start_s.length) {
     c.fillStyle = css("--soft");
     c.fillText(S.about.devices.some((d) => d.kind === "counter") ? "no counts in this stretch" : "this session has no counter", box.l + em, (box.t + box.b) / 2);
@@ -483,29 +623,34 @@ function drawCounts() {
   for (let i = 0; i < data.start_s.length; i++) if (data.start_s[i] + data.length_s[i] >= from && data.start_s[i] <= to) inside.push(i);
   const on = data.channels.map((_, k) => k).filter((k) => !S.off.has(data.channels[k]));
   const corrected = $("corrected").checked;
-  const rates = corrected ? data.corrected_hz : data.rate_hz;
+  const mags = magnitudesOf(data);
+  const rates = mags ? mags.magnitude : corrected ? data.corrected_hz : data.rate_hz;
   // The lowest and the highest bin are counted rates.
-  const banded = data.bins > 1 && !corrected;
+  const banded = data.bins > 1 && !corrected && !mags;
   const [highs, lows] = banded ? [data.high_hz, data.low_hz] : [rates, rates];
   let [least, most] = [Infinity, -Infinity];
   for (const k of on) for (const i of inside) { if (lows[k][i] !== null) least = Math.min(least, lows[k][i]); if (highs[k][i] !== null) most = Math.max(most, highs[k][i]); }
-  const foreseen = predictedRange(data.channels, on, [from, to]);
+  const foreseen = mags ? null : predictedRange(data.channels, on, [from, to]);
   if (foreseen) [least, most] = [Math.min(least, foreseen[0]), Math.max(most, foreseen[1])];
   if (!(most > -Infinity)) [least, most] = [0, 1];
-  const log = $("log").checked;
+  const log = $("log").checked && !mags;
   let [bottom, top] = log ? [Math.log10(Math.max(least, 0.5)), Math.log10(Math.max(most, 1))] : [Math.min(0, least), most];
-  if (!log && least > 0.7 * most) bottom = least - 0.2 * (most - least + 1e-9 * most);
+  // Magnitudes are brighter upwards.
+  if (mags) [bottom, top] = [most + 0.02, least - 0.02];
+  else if (!log && least > 0.7 * most) bottom = least - 0.2 * (most - least + 1e-9 * most);
   const room = 0.06 * (top - bottom) || 1;
   top += room;
   if (log) bottom -= room;
   const y = (rate) => box.b - ((log ? Math.log10(Math.max(rate, 1e-3)) : rate) - bottom) / (top - bottom) * (box.b - box.t);
   c.textBaseline = "middle";
   c.fillStyle = css("--soft");
-  for (const v of ticks(bottom, top, Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+  const marks = ticks(Math.min(bottom, top), Math.max(bottom, top), Math.max(2, (box.b - box.t) / (2.4 * em)));
+  const written = numbersOf(marks);
+  for (const v of marks) {
     const rate = log ? 10 ** v : v;
     if (y(rate) < box.t - 1 || y(rate) > box.b + 1) continue;
     c.beginPath(); c.moveTo(box.l, y(rate)); c.lineTo(box.r, y(rate)); c.stroke();
-    const text = hertz(rate);
+    const text = mags ? written(v) : hertz(rate);
     c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(rate));
   }
   c.save();
@@ -519,6 +664,20 @@ function drawCounts() {
       c.globalAlpha = 1;
     }
     c.strokeStyle = colour;
+    if (mags && inside.length < 700) {
+      // One σ up and down.
+      c.globalAlpha = 0.4;
+      c.lineWidth = 1;
+      c.beginPath();
+      for (const i of inside) {
+        const [value, sigma] = [rates[k][i], mags.sigma_mag[k][i]];
+        if (value === null) continue;
+        const middle = x(data.start_s[i] + data.length_s[i] / 2);
+        c.moveTo(middle, y(value - sigma)); c.lineTo(middle, y(value + sigma));
+      }
+      c.stroke();
+      c.globalAlpha = 1;
+    }
     // Red light has one colour: the channels differ by their strokes.
     c.setLineDash(theme() === "red" ? STROKES[k % 4] : []);
     c.lineWidth = 1.5;
@@ -528,14 +687,15 @@ function drawCounts() {
       const rate = rates[k][i];
       const middle = data.start_s[i] + data.length_s[i] / 2;
       // A gap stays a gap.
-      if (rate === null || Math.abs(data.start_s[i] - end) > 0.5 * data.length_s[i]) c.moveTo(x(middle), y(rate ?? 0));
-      else c.lineTo(x(middle), y(rate));
+      if (rate === null) { end = NaN; continue; }
+      if (Math.abs(data.start_s[i] - end) <= 0.5 * data.length_s[i]) c.lineTo(x(middle), y(rate));
+      else c.moveTo(x(middle), y(rate));
       end = data.start_s[i] + data.length_s[i];
     }
     c.stroke();
     c.setLineDash([]);
   }
-  drawPredicted(c, x, y, data.channels, on, [from, to]);
+  if (!mags) drawPredicted(c, x, y, data.channels, on, [from, to]);
   // Bins with faults: a mark at the top, whatever the channel. A free clock is no fault.
   c.fillStyle = css("--bad");
   let faults = 0;
@@ -560,6 +720,19 @@ function drawCounts() {
   canvas.plot = { from, to, l: box.l, r: box.r };
   if (S.live) drawn("counts", data.start_s.at(-1) + data.length_s.at(-1));
   readCounts(data, inside, faults);
+}
+
+// Magnitudes of the points, where they are wanted and known.
+function magnitudesOf(data) {
+  return S.about.magnitudes && $("unit").value === "mag" ? data.magnitudes ?? null : null;
+}
+function unitShown() {
+  const of = S.about.magnitudes;
+  const wanted = of && $("unit").value === "mag";
+  for (const id of ["log", "corrected", "predicted"]) $(id).disabled = Boolean(wanted);
+  $("unit-label").hidden = !of;
+  const each = of?.channels.map(([name, sigma]) => `${name} ${sigma.toFixed(3)}`).join(", ");
+  $("counts-how").textContent = wanted ? [`${of.said}. σ is that of counting alone. κ may shift all of a channel alike, by (mag): ${each}. The sky beside the target is taken off; light that misses the fibre is not added.`, ...of.warnings].join(" · ") : "";
 }
 
 // What was predicted, as dashes in the channel's colour; its range in view.
@@ -610,11 +783,23 @@ function readCounts(data, inside, faults) {
   if (best === undefined) return;
   const corrected = $("corrected").checked;
   const shown = (k) => (corrected ? data.corrected_hz : data.rate_hz)[k][best];
-  const rates = data.channels.map((name, k) => `${name} ${shown(k) === null ? "saturated or not known" : hertz(shown(k))}`).join(" · ");
+  const mags = magnitudesOf(data);
+  const magnitude = (k) => (mags.magnitude[k][best] === null ? "no magnitude" : `${mags.magnitude[k][best].toFixed(2)} ± ${mags.sigma_mag[k][best].toFixed(mags.sigma_mag[k][best] < 0.01 ? 3 : 2)} mag`);
+  const rate = (k) => (shown(k) === null ? "saturated or not known" : hertz(shown(k)));
+  const rates = data.channels.map((name, k) => `${name} ${mags ? magnitude(k) : rate(k)}`).join(" · ");
   const flags = flagNames(data.flags[best]).filter((name) => name !== "clock free");
   const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : "";
   $("counts-text").textContent = `${utc(data.start_s[best], 1)} UTC · ${rates}${bins}${flags.length ? ` · ${flags.join(", ")}` : ""}`;
   $("counts").setAttribute("aria-label", `counts of ${S.counter}: ${rates}; ${faults} points with faults in view`);
+}
+
+// Background of a legend's line: in red light with the line's own stroke.
+function swatchOf(k) {
+  const colour = lineColour(k);
+  const dash = theme() === "red" ? STROKES[k % 4] : [];
+  let [at, stops] = [0, []];
+  dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
+  return dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
 }
 
 function legend() {
@@ -627,11 +812,7 @@ function legend() {
     input.addEventListener("change", () => { input.checked ? S.off.delete(name) : S.off.add(name); redraw("counts"); });
     const swatch = document.createElement("span");
     swatch.className = "swatch";
-    const colour = lineColour(k);
-    const dash = theme() === "red" ? STROKES[k % 4] : [];
-    let [at, stops] = [0, []];
-    dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
-    swatch.style.background = dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
+    swatch.style.background = swatchOf(k);
     label.append(input, swatch, name);
     return label;
   }));
@@ -661,6 +842,24 @@ function drawSky() {
   for (const [name, azimuth] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) c.fillText(name, ...place([azimuth, -90 * (0.75 * em) / radius]));
   c.textAlign = "left";
   const sky = S.sky;
+  // Names lie beside their bodies, where there is room; one that would lie over another is left out.
+  const taken = [];
+  const free = (box) => box[0] >= 0 && box[2] <= w && taken.every((other) => box[2] < other[0] || other[2] < box[0] || box[3] < other[1] || other[3] < box[1]);
+  const label = (name, x, y, gap) => {
+    const wide = c.measureText(name).width;
+    const room = [[x + gap, y], [x - gap - wide, y], [x - wide / 2, y - gap - 0.5 * em], [x - wide / 2, y + gap + 0.5 * em]];
+    const at = room.find(([left, middle]) => free([left, middle - 0.45 * em, left + wide, middle + 0.45 * em]));
+    if (!at) return;
+    taken.push([at[0], at[1] - 0.45 * em, at[0] + wide, at[1] + 0.45 * em]);
+    c.fillText(name, ...at);
+  };
+  const lies = (x, y, r) => taken.push([x - r, y - r, x + r, y + r]);
+  const named = sky?.target && sky.target[1][1] > 0 ? place(sky.target[1]) : null;
+  const nameAt = named && [clamp(named[0] + 1.1 * em, 0, Math.max(0, w - c.measureText(sky.target[0]).width)), clamp(named[1] - 0.9 * em, em, h - em)];
+  if (named) {
+    lies(...named, 0.6 * em);
+    taken.push([nameAt[0], nameAt[1] - 0.45 * em, nameAt[0] + c.measureText(sky.target[0]).width, nameAt[1] + 0.45 * em]);
+  }
   if (sky) {
     c.strokeStyle = css("--soft");
     c.beginPath();
@@ -670,23 +869,21 @@ function drawSky() {
     for (const star of sky.stars) {
       const [x, y] = place(star.at_deg);
       c.beginPath(); c.arc(x, y, Math.max(0.6, (4.5 - star.v_mag) * 0.055 * em), 0, 7); c.fill();
-      if (star.name && star.v_mag < 1.3) {
-        const wide = c.measureText(star.name).width;
-        c.fillText(star.name, x + 0.4 * em + wide < w ? x + 0.4 * em : x - 0.4 * em - wide, y);
-      }
     }
-    const disc = (name, at, r) => {
-      if (at[1] < 0) return;
+    c.fillStyle = c.strokeStyle = css("--warn");
+    const bodies = [["Sun", sky.sun_deg, 0.6 * em], [`Moon ${Math.round(100 * sky.moon_lit)} %`, sky.moon_deg, 0.5 * em], ...sky.planets.map((p) => [p.name, p.at_deg, Math.max(1.5, (4.5 - (p.v_mag ?? 2)) * 0.055 * em)])].filter(([, at]) => at[1] > 0);
+    bodies.forEach(([, at, r], i) => {
       const [x, y] = place(at);
-      c.strokeStyle = css("--warn"); c.lineWidth = 2;
-      c.beginPath(); c.arc(x, y, r, 0, 7); c.stroke();
-      c.lineWidth = 1;
-      c.fillStyle = css("--warn");
-      const wide = c.measureText(name).width;
-      c.fillText(name, x + r + 0.2 * em + wide < w ? x + r + 0.2 * em : x - r - 0.2 * em - wide, y);
-    };
-    disc("Sun", sky.sun_deg, 0.6 * em);
-    disc(`Moon ${Math.round(100 * sky.moon_lit)} %`, sky.moon_deg, 0.5 * em);
+      lies(x, y, r);
+      c.lineWidth = 2;
+      c.beginPath(); c.arc(x, y, r, 0, 7);
+      // Planets are discs, the Sun and the Moon circles.
+      /^(Sun|Moon)/.test(bodies[i][0]) ? c.stroke() : c.fill();
+    });
+    c.lineWidth = 1;
+    for (const [name, at, r] of bodies) label(name, ...place(at), r + 0.2 * em);
+    c.fillStyle = css("--star");
+    for (const star of sky.stars) if (star.name && star.v_mag < 1.3) label(star.name, ...place(star.at_deg), 0.4 * em);
   }
   const now = S.live ? S.live.now_s : S.t;
   for (const track of S.tracks) {
@@ -702,16 +899,14 @@ function drawSky() {
   c.lineWidth = 1;
   S.overlay?.({ c, place, em });
   if (S.live) drawMount({ c, place, em });
-  if (sky?.target && sky.target[1][1] > 0) {
-    const [x, y] = place(sky.target[1]);
+  if (named) {
+    const [x, y] = named;
     c.strokeStyle = css("--bad");
     c.lineWidth = 2;
     c.beginPath(); c.arc(x, y, 0.55 * em, 0, 7); c.moveTo(x - em, y); c.lineTo(x + em, y); c.moveTo(x, y - em); c.lineTo(x, y + em); c.stroke();
     c.lineWidth = 1;
     c.fillStyle = css("--ink");
-    const name = sky.target[0];
-    const wide = c.measureText(name).width;
-    c.fillText(name, clamp(x + 1.1 * em, 0, w - wide), clamp(y - 0.9 * em, em, h - em));
+    c.fillText(sky.target[0], ...nameAt);
   }
 }
 
@@ -727,7 +922,8 @@ const loadSky = latest(async (at) => {
   if (S.overlay) { redraw("sky"); await new Promise((done) => setTimeout(done, 50)); return; }
   const target = S.sky.target;
   const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
-  $("sky-text").textContent = `${text}; Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
+  const planets = S.sky.planets.map((p) => (p.v_mag === null ? p.name : `${p.name} ${p.v_mag.toFixed(1)}`)).join(", ");
+  $("sky-text").textContent = `${text}; ${planets ? `planets (V): ${planets}; ` : ""}Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
   $("sky").setAttribute("aria-label", `sky over ${S.about.station}: ${text}`);
   redraw("sky");
   await new Promise((done) => setTimeout(done, 200));
@@ -944,6 +1140,7 @@ async function about() {
   options($("counter"), names("counter"));
   visits();
   notice(S.about.warnings.slice(0, 3).join(" · "));
+  unitShown();
   get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
   if (S.about.mode === "recorded" || S.about.mode === "live") get("predicted").then((curves) => { S.predicted = curves; $("predicted-label").hidden = !curves.length; redraw("counts"); }, () => {});
   return { camera: names("camera")[0], counter: names("counter")[0] };
@@ -958,6 +1155,7 @@ async function recorded({ camera, counter }) {
   addEvents(events);
   await chooseCamera(camera);
   chooseCounter(counter);
+  $("clip").hidden = !token() || !camera;
   showRework();
   const first = S.about.visits.find((v) => v.kind === "star" || v.kind === "satellite");
   seek(first ? Math.min(first.from_s + 1, first.to_s) : 0);
@@ -1050,16 +1248,22 @@ function curveShown() {
   redraw("image");
 }
 
+function inMagnitudes(channel) {
+  return Boolean(channel?.magnitude.length) && $("rework-unit").value === "mag";
+}
+
 function curveText() {
   const curve = R.now;
   const channel = curve.channels.find((c) => c.name === $("rework-channel").value);
-  const rates = (channel?.rate ?? []).filter((rate) => rate !== null).sort((a, b) => a - b);
+  $("rework-unit-label").hidden = !channel?.magnitude.length;
+  const mags = inMagnitudes(channel);
+  const rates = ((mags ? channel.magnitude : channel?.rate) ?? []).filter((rate) => rate !== null).sort((a, b) => a - b);
   const median = rates[rates.length >> 1];
   const [frames, lost] = curve.frames;
   const removed = curve.removed.filter(([, n]) => n).map(([why, n]) => `${n} by ${why}`).join(", ");
   const [aperture, inner, outer] = curve.aperture_px ?? [];
   $("curve-text").textContent = [
-    channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${channel.unit}`,
+    channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${mags ? `mag, ${S.about.magnitudes.said}` : channel.unit}`,
     `${frames} frames, ${lost} without a target`,
     aperture && `aperture ${aperture.toFixed(1)} px, annulus ${inner.toFixed(1)} to ${outer.toFixed(1)} px, points ${curve.fwhm_px?.toFixed(1) ?? "–"} px wide`,
     removed && `sources left out: ${removed}`,
@@ -1206,10 +1410,7 @@ async function curveFile() {
   const wanted = recipe();
   if (!wanted) return;
   try {
-    const bytes = await (await ask("reduction.ecsv", wanted, 120000)).blob();
-    const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(bytes), download: `${$("recipe-name").value.trim() || "curve"}.ecsv` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    download(await (await ask("reduction.ecsv", wanted, 120000)).blob(), `${$("recipe-name").value.trim() || "curve"}.ecsv`);
   } catch (error) { complain(error); }
 }
 
@@ -1219,16 +1420,20 @@ function drawCurve() {
   const { c, w, h, em } = fit(canvas);
   const name = $("rework-channel").value;
   const both = [R.old, R.now].map((curve) => curve.channels.find((channel) => channel.name === name));
+  const mags = inMagnitudes(both[1]);
+  const valuesOf = (channel) => (mags ? channel?.magnitude : channel?.rate) ?? [];
   const [from, to] = [R.visit.from_s, Math.max(R.visit.to_s, R.visit.from_s + 1)];
   const box = { l: 5 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
   const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
   canvas.plot = { from, to, l: box.l, r: box.r };
   let [least, most] = [Infinity, -Infinity];
-  for (const channel of both) for (const rate of channel?.rate ?? []) if (rate !== null) [least, most] = [Math.min(least, rate), Math.max(most, rate)];
+  for (const channel of both) for (const rate of valuesOf(channel)) if (rate !== null) [least, most] = [Math.min(least, rate), Math.max(most, rate)];
   if (!(most > -Infinity)) [least, most] = [0, 1];
-  least = Math.min(least, 0.9 * least, least - 0.05 * (most - least));
   const room = 0.05 * (most - least) || 1;
-  const y = (rate) => box.b - ((rate - least) / (most + room - least)) * (box.b - box.t);
+  if (mags) least -= room;
+  else least = Math.min(least, 0.9 * least, least - 0.05 * (most - least));
+  // Magnitudes are brighter upwards.
+  const y = (rate) => { const part = (rate - least) / (most + room - least); return box.b - (mags ? 1 - part : part) * (box.b - box.t); };
   c.fillStyle = css("--soft");
   c.strokeStyle = css("--line");
   c.lineWidth = 1;
@@ -1241,10 +1446,12 @@ function drawCurve() {
     if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
   }
   c.textBaseline = "middle";
-  for (const v of ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+  const marks = ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)));
+  const written = numbersOf(marks);
+  for (const v of marks) {
     if (y(v) < box.t - 1 || y(v) > box.b + 1) continue;
     c.beginPath(); c.moveTo(box.l, y(v)); c.lineTo(box.r, y(v)); c.stroke();
-    const text = Math.abs(v) >= 1e5 ? v.toExponential(1) : String(Math.round(v * 100) / 100);
+    const text = written(v);
     c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(v));
   }
   const same = R.old === R.now;
@@ -1252,7 +1459,24 @@ function drawCurve() {
     if (!channel || (same && k === 0)) return;
     c.fillStyle = k === 0 ? css("--soft") : css("--accent");
     const size = k === 0 ? 2 : 2.5;
-    channel.rate.forEach((rate, i) => {
+    const sigmas = (mags ? channel.sigma_mag : channel.sigma) ?? [];
+    if (k === 1 && channel.time_s.length < 700) {
+      // One σ up and down, where the dots leave room for it.
+      c.strokeStyle = css("--accent");
+      c.save();
+      c.beginPath(); c.rect(box.l, box.t, box.r - box.l, box.b - box.t); c.clip();
+      c.globalAlpha = 0.4;
+      c.beginPath();
+      valuesOf(channel).forEach((rate, i) => {
+        if (rate === null || sigmas[i] === null || sigmas[i] === undefined) return;
+        c.moveTo(x(channel.time_s[i]), y(rate - sigmas[i]));
+        c.lineTo(x(channel.time_s[i]), y(rate + sigmas[i]));
+      });
+      c.stroke();
+      c.restore();
+      c.globalAlpha = 1;
+    }
+    valuesOf(channel).forEach((rate, i) => {
       if (rate === null) return;
       const [px, py] = [x(channel.time_s[i]), y(rate)];
       // Red light has one colour: what was there before is hollow.
@@ -1297,7 +1521,7 @@ function reworkedPlace() {
 function wireRework() {
   $("rework-begin").addEventListener("click", beginRework);
   $("rework-cancel").addEventListener("click", () => ask("reduction/cancel", {}).catch(complain));
-  $("rework-channel").addEventListener("change", () => { curveText(); redraw("curve"); });
+  for (const id of ["rework-channel", "rework-unit"]) $(id).addEventListener("change", () => { curveText(); redraw("curve"); });
   for (const input of choices()) input.addEventListener("input", reduceSoon);
   $("point").addEventListener("click", () => pointing(!R.pointing));
   $("refuse").addEventListener("click", refuse);
@@ -1333,6 +1557,62 @@ function showRework() {
   $("rework-visit").replaceChildren(...list.map(([v, i]) => Object.assign(document.createElement("option"), { value: String(i), textContent: v.number > 1 ? `${v.name} (${v.number})` : v.name })));
 }
 
+// --- a clip -------------------------------------------------------------------------------------------------------------
+
+// The frames that are asked for, with what they come to; null where a field is no number.
+function clipWish() {
+  const whole = (id) => { const text = $(id).value.trim(); return /^\d+$/.test(text) ? Number(text) : null; };
+  const [from, to, every, fps] = [whole("clip-from"), whole("clip-to"), whole("clip-every"), Number($("clip-fps").value)];
+  if (from === null || to === null || !every || !(fps >= 0.1 && fps <= 100)) return null;
+  const h = S.frame.header;
+  const { low, high, soft } = S.frame;
+  const wish = { camera: S.camera, from, to, every, range_adu: [low, high], red: theme() === "red", shown_ms: Math.round(1000 / fps) };
+  if (soft) wish.soft = soft;
+  if (S.view) {
+    const canvas = $("image");
+    const { each, x0, y0 } = windowOf(canvas.clientWidth, canvas.clientHeight);
+    const [x, y] = [x0, y0].map((v) => Math.max(0, Math.floor(v)));
+    wish.part_px = [x, y, Math.ceil(x0 + each * canvas.clientWidth) - x, Math.ceil(y0 + each * canvas.clientHeight) - y];
+  }
+  const frames = Math.ceil(S.film.number.filter((n) => n >= from && n <= to).length / every);
+  const [w, height] = wish.part_px ? [Math.min(wish.part_px[2], h.size_px[0] - wish.part_px[0]), Math.min(wish.part_px[3], h.size_px[1] - wish.part_px[1])] : h.size_px;
+  const bin = Math.ceil(Math.max(w, height) / 1280);
+  return { wish, frames, shape: [Math.ceil(w / bin), Math.ceil(height / bin)], plays_s: frames / fps };
+}
+function clipText() {
+  const clip = S.frame && S.film && clipWish();
+  const said = clip ? `${clip.frames} frames of ${clip.shape[0]} × ${clip.shape[1]} px, at most ${(clip.frames * clip.shape[0] * clip.shape[1] * 1e-6).toFixed(1)} MB; plays ${span(clip.plays_s)}; stretch and part as shown now` : "expected whole numbers of frames, and 0.1 to 100 frames a second";
+  $("clip-text").textContent = said;
+}
+async function saveClip(event) {
+  event.preventDefault();
+  const clip = clipWish();
+  if (!clip) { clipText(); return; }
+  $("clip-text").textContent = "the clip is being made";
+  try {
+    const blob = await (await ask("clip", clip.wish, 600000)).blob();
+    S.saved = { name: "clip.png", blob };
+    download(blob, `${fileName(S.about.name)}-${clip.wish.from}-${clip.wish.to}.png`);
+    $("clip-text").textContent = `${clip.frames} frames, ${(blob.size * 1e-6).toFixed(2)} MB`;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    $("clip-text").textContent = error.message;
+  }
+}
+function wireClip() {
+  $("clip").addEventListener("toggle", () => {
+    if (!$("clip").open || !S.film) return;
+    // The present visit's frames, or all.
+    const visit = visitAt(S.t);
+    const own = S.film.number.filter((_, i) => !visit || (S.film.start_s[i] >= visit.from_s && S.film.start_s[i] < visit.to_s));
+    const numbers = own.length ? own : S.film.number;
+    [$("clip-from").value, $("clip-to").value] = [numbers[0], numbers[numbers.length - 1]].map(String);
+    clipText();
+  });
+  for (const id of ["clip-from", "clip-to", "clip-every", "clip-fps"]) $(id).addEventListener("input", clipText);
+  $("clip-form").addEventListener("submit", (event) => saveClip(event).catch(complain));
+}
+
 // --- live ---------------------------------------------------------------------------------------------------------------
 
 const KEEP = 6000;
@@ -1350,12 +1630,13 @@ function take(view) {
   if (view.events.length) S.seen.events = view.events[view.events.length - 1].number;
   let missed = view.events_missed;
   for (const [name, new_] of Object.entries(view.counts)) {
-    const have = (S.counts[name] ??= { channels: new_.channels, start_s: [], length_s: [], flags: [], rate_hz: new_.channels.map(() => []), corrected_hz: new_.channels.map(() => []), bins: 1 });
+    const have = (S.counts[name] ??= { channels: new_.channels, start_s: [], length_s: [], flags: [], rate_hz: new_.channels.map(() => []), corrected_hz: new_.channels.map(() => []), magnitudes: { magnitude: new_.channels.map(() => []), sigma_mag: new_.channels.map(() => []) }, bins: 1 });
     for (const key of ["start_s", "length_s", "flags"]) have[key].push(...new_[key]);
     new_.rate_hz.forEach((rates, k) => have.rate_hz[k].push(...rates));
     view.corrected_hz[name].forEach((rates, k) => have.corrected_hz[k].push(...rates));
+    for (const key of ["magnitude", "sigma_mag"]) have.magnitudes[key].forEach((list, k) => list.push(...(view.magnitudes[name]?.[key][k] ?? [])));
     const over = have.start_s.length - KEEP;
-    if (over > 0) for (const list of [have.start_s, have.length_s, have.flags, ...have.rate_hz, ...have.corrected_hz]) list.splice(0, over);
+    if (over > 0) for (const list of [have.start_s, have.length_s, have.flags, ...have.rate_hz, ...have.corrected_hz, ...have.magnitudes.magnitude, ...have.magnitudes.sigma_mag]) list.splice(0, over);
     if (S.seen.counts[name] !== undefined) missed += new_.missed;
     S.seen.counts[name] = new_.last;
   }
@@ -1607,6 +1888,9 @@ function wire() {
   $("counter").addEventListener("change", () => chooseCounter($("counter").value));
   $("span").addEventListener("change", () => { needCounts(); redraw("counts"); });
   for (const id of ["log", "corrected", "predicted"]) $(id).addEventListener("change", () => redraw("counts"));
+  $("unit").addEventListener("change", () => { unitShown(); redraw("counts"); });
+  for (const button of document.querySelectorAll("[data-figure]")) button.addEventListener("click", () => figure(...button.dataset.figure.split(" ")).catch(complain));
+  wireClip();
   const counts = $("counts");
   const timeUnder = (event) => {
     const { from, to, l, r } = counts.plot ?? {};
@@ -1700,5 +1984,5 @@ async function begin() {
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, theme, ticks, token, utc };
+export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc };
 begin();

@@ -40,12 +40,18 @@ function overlay({ c, place, em }) {
     c.lineWidth = 1;
     const phase = S.about.start_unix_ms / 1000;
     c.fillStyle = c.strokeStyle = css("--ink");
-    for (let t = Math.ceil((pass.from_s + phase) / 60) * 60 - phase; t < pass.to_s; t += 60) {
+    // Each minute; of a slow one each fifth, tenth or thirtieth, so that ticks stay apart, and times only where there is room.
+    const way = pass.at_deg.reduce((sum, at, i) => { if (!i) return 0; const [a, b] = [place(pass.at_deg[i - 1]), place(at)]; return sum + Math.hypot(a[0] - b[0], a[1] - b[1]); }, 0);
+    const each = [60, 300, 600, 1800, 3600].find((s) => (way * s) / (pass.to_s - pass.from_s) > 6) ?? 7200;
+    let told = null;
+    for (let t = Math.ceil((pass.from_s + phase) / each) * each - phase; t < pass.to_s; t += each) {
       const at = where(pass, t);
       if (!at) continue;
       const [x, y] = place(at);
       c.beginPath(); c.arc(x, y, 1.8, 0, 7); c.fill();
-      if (n === P.chosen) c.fillText(utc(t, 0).slice(0, 5), x + 0.4 * em, y - 0.4 * em);
+      if (n !== P.chosen || (told && Math.abs(told[0] - x) < 3 * em && Math.abs(told[1] - y) < em)) continue;
+      told = [x, y];
+      c.fillText(utc(t, 0).slice(0, 5), x + 0.4 * em, y - 0.4 * em);
     }
     const now = where(pass, S.t);
     if (now) { c.fillStyle = css("--bad"); const [x, y] = place(now); c.beginPath(); c.arc(x, y, 0.35 * em, 0, 7); c.fill(); }

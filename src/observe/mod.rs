@@ -61,6 +61,9 @@ pub struct ObserveArgs {
     /// With --page: light curves that are drawn beneath the counts, such as what `sunglint simulate` predicts (ECSV)
     #[arg(long, value_name = "CURVE", requires = "page")]
     pub predicted: Vec<PathBuf>,
+    /// With --page: magnitudes by the coefficients κ of this file, which `sunglint calibrate` wrote (ECSV)
+    #[arg(long, value_name = "KAPPA", requires = "page")]
+    pub calibration: Option<PathBuf>,
     /// With --page: shows the plan and records nothing until somebody presses Start on the page
     #[arg(long, requires = "page", conflicts_with_all = ["replay", "resume"])]
     pub wait: bool,
@@ -118,7 +121,8 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
             let state = Arc::new(LiveState::new());
             night.live = Some(state.clone());
             let curves = crate::page::predicted(&args.predicted)?;
-            let source = LiveNight::new(state, PROGRAM).beside(curves);
+            let calibration = crate::page::calibration(args.calibration.as_ref())?;
+            let source = LiveNight::new(state, PROGRAM).beside(curves).calibrated(calibration);
             let server = Server::start(address, Arc::new(source))?;
             crate::page::announce(&server, "sees and steers the night", console);
             Some(server)

@@ -106,6 +106,8 @@ impl Browser {
         self.call("Page.navigate", json!({"url": "about:blank"}));
         self.call("Page.navigate", json!({"url": url}));
         self.until("document.documentElement?.dataset.ready === 'yes'");
+        // A page that is opened before the night begins is told so, and asks again; the browser's own log has that.
+        self.complaints.retain(|text| !(text.contains("503") && text.contains("/api/")));
     }
 
     /// Value of an expression, of a promise too.
@@ -173,6 +175,29 @@ impl Browser {
     /// Waits for two pictures.
     pub fn settle(&mut self) {
         self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
+    }
+
+    /// Serious and critical findings of axe-core on the page as it is; `None` after the skip of `test` was recorded, where it is not installed.
+    pub fn axe(&mut self, test: &str) -> Option<Value> {
+        let lib = sunglint_testkit::repository().join(".venv/lib");
+        let versions = std::fs::read_dir(lib).into_iter().flatten().flatten();
+        let file = "site-packages/axe_playwright_python/axe.min.js";
+        let source = versions
+            .map(|entry| entry.path().join(file))
+            .find_map(|path| std::fs::read_to_string(path).ok());
+        let Some(source) = source else {
+            skip(test, "no axe-core (axe-playwright-python in .venv)");
+            return None;
+        };
+        if self.run("typeof window.axe === 'undefined'") == true {
+            self.run(&format!("{source}; 0"));
+        }
+        let found = self.run(
+            "axe.run(document, {elementRef: false}).then(({passes, violations}) => passes.length < 10 ? ['axe-core checked next to nothing'] : violations
+               .filter((v) => ['serious', 'critical'].includes(v.impact))
+               .map((v) => `${v.id}: ${v.help}: ${v.nodes.map((n) => `${n.target} (${n.any.map((a) => a.message).join('; ')})`).join(' | ')}`))",
+        );
+        Some(found)
     }
 
     /// The whole page as PNG, into a file.

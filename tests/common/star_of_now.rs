@@ -1,6 +1,8 @@
 //! A star for tests in real time.
 
 use hifitime::{Epoch, Unit};
+use std::ops::Range;
+use std::path::Path;
 use sunglint_drivers::clock::utc_now;
 use sunglint_observatory::telescope::sun;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer, Star};
@@ -8,7 +10,29 @@ use sunglint_radiometry::station::Station;
 
 /// A star that is high, far from the Sun and from the meridian now, and does not saturate a camera in a twentieth of a second.
 pub fn star_of_now() -> String {
-    let station = Station::built_in("ufo").unwrap().unwrap();
+    star_over(&Station::built_in("ufo").unwrap().unwrap(), 2.5..4.5, -1.0..3.0)
+}
+
+/// Writes the station `ufo` into a folder, turned to where it is midnight now, so that a test needs no hour of the day; gives a star as above, of these magnitudes V and colours
+/// B−V.
+pub fn night_of_now(folder: &Path, v_mag: Range<f64>, b_minus_v: Range<f64>) -> String {
+    let from = sunglint_testkit::repository().join("radiometry/stations/ufo");
+    std::fs::create_dir_all(folder).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+    }
+    let file = folder.join("station.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let hours = utc_now().to_unix_seconds().rem_euclid(86_400.0) / 3600.0;
+    let longitude_deg = (-15.0 * hours + 180.0).rem_euclid(360.0) - 180.0;
+    let here = "longitude_deg = 9.196416666666667";
+    assert!(text.contains(here));
+    std::fs::write(&file, text.replace(here, &format!("longitude_deg = {longitude_deg}"))).unwrap();
+    star_over(&Station::read(folder).unwrap(), v_mag, b_minus_v)
+}
+
+fn star_over(station: &Station, v_mag: Range<f64>, b_minus_v: Range<f64>) -> String {
     let place = station.site.geodetic();
     let (now, earth) = (utc_now(), EarthOrientation::embedded());
     let sun = sun(now, place.latitude_deg, place.longitude_deg).enu;
@@ -22,7 +46,8 @@ pub fn star_of_now() -> String {
     let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
     let stars = Catalogue::embedded().stars().iter();
     let named = stars
-        .filter(|star| star.v_mag.is_some_and(|v| (2.5..4.5).contains(&v)) && star.hip.is_some());
+        .filter(|star| star.v_mag.is_some_and(|v| v_mag.contains(&v)) && star.hip.is_some())
+        .filter(|star| star.bv_mag.is_some_and(|colour| b_minus_v.contains(&colour)));
     let found = named
         .filter(|star| now_fits(star) && soon_fits(star))
         .find(|star| Catalogue::embedded().find(&star.label()).is_ok());

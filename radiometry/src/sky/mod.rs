@@ -9,6 +9,7 @@
 //! - [`frame`]: GCRS ↔ ITRS at an epoch, and an observer at a site, built once for many directions;
 //! - [`frames`]: the same at many epochs of a night, cheaply;
 //! - [`bodies`]: the Sun and the Moon from the Earth's centre, a site, or a satellite;
+//! - [`planets`]: Mercury to Saturn, for maps of the sky;
 //! - [`stars`]: the bright stars by name, and a star's place.
 //!
 //! The models are those of the IAU through `sofars`, a port of SOFA: precession–nutation IAU 2006/2000A, the Earth
@@ -36,6 +37,7 @@ pub mod bodies;
 pub mod frame;
 pub mod frames;
 pub mod orientation;
+pub mod planets;
 pub mod site;
 pub mod stars;
 pub mod time;
@@ -47,6 +49,7 @@ pub use frames::SkyFrames;
 pub use orientation::{
     EarthOrientation, Orientation, OrientationError, OrientationOrigin, OrientationRow,
 };
+pub use planets::{Planet, PlanetPlace, PlanetSighting};
 pub use site::{Geodetic, Site, SiteError};
 pub use stars::{Catalogue, Star, StarError, StarNote, StarPlace};
 pub use time::{JulianDate, TimeError, TimeScales};

@@ -1,6 +1,6 @@
 """Places on the sky by other programs, as the fixtures of fixtures/sky hold them.
 
-    python radiometry/tests/peers/sky.py places|frames|orientation|bodies REPOSITORY > fixtures/sky/NAME.ecsv
+    python radiometry/tests/peers/sky.py places|frames|orientation|bodies|planets REPOSITORY > fixtures/sky/NAME.ecsv
 
 No program here may download anything: the ephemerides are SOFA's own (astropy's "builtin"), libastro's (ephem), and the
 excerpts of JPL's DE430 and JUP310 that skyfield ships with its tests.
@@ -220,6 +220,79 @@ def bodies(_repository):
                    "time, no aberration), ICRS axes. libastro leaves the Earth's motion out of the Moon's light time. ephem's libastro is good to 1 to 2 arcsec itself")
 
 
+PLANETS = {"Mercury": ([(0, 1), (1, 199)], 199), "Venus": ([(0, 2), (2, 299)], 299), "Mars": ([(0, 4)], 4),
+           "Jupiter": ([(0, 5)], 5), "Saturn": ([(0, 6)], 6)}
+
+
+def planets(_repository):
+    """Mercury to Saturn: astrometric directions from the Earth's centre as in `bodies`, by JPL's and libastro's theories, with the V magnitudes of skyfield's
+    magnitudelib (a port of Mallama's and Hilton's own program); and apparent azimuth and altitude by astropy."""
+    from jplephem.spk import SPK
+    from skyfield import magnitudelib
+    import ephem
+    rows = []
+
+    def v_mag(name, sun_m, line_m):
+        # sun_m: from the Sun to the planet, line_m: from the Earth to the planet.
+        r, delta = (np.linalg.norm(v) / 149597870700.0 for v in (sun_m, line_m))
+        angle = lambda a, b: np.degrees(np.arccos(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b)))
+        function = magnitudelib._FUNCTIONS[PLANETS[name][1]]
+        phase = angle(sun_m, line_m)
+        if name == "Saturn":
+            pole = magnitudelib._SATURN_POLE
+            return float(function(r, delta, phase, angle(pole, sun_m) - 90.0, angle(pole, line_m) - 90.0))
+        return float(function(r, delta, phase))
+
+    def add(ephemeris, name, tt, line_m, sun_m):
+        start = len(rows)
+        add_line(rows, ephemeris, name, tt, line_m)
+        rows[start] = rows[start] + (v_mag(name, sun_m, line_m), "", np.nan, np.nan)
+
+    for ephemeris, excerpt, start, step, count, wanted in (
+            ("DE430", "de430-2015-03-02.bsp", 2457081.0, 0.9, 8, list(PLANETS)), ("JUP310", "jup310-2053-10-08.bsp", 2471181.6, 1.1, 6, ["Jupiter"])):
+        kernel = SPK.open(skyfield_data(excerpt))
+
+        def at(chain, tdb):
+            return sum(kernel[pair].compute(tdb) for pair in chain)
+
+        for i in range(count):
+            tt = start + i * step
+            earth = at([(0, 3), (3, 399)], tt)
+            for name in wanted:
+                chain, then = PLANETS[name][0], tt
+                for _ in range(4):
+                    line = at(chain, then) - earth
+                    then = tt - np.linalg.norm(line) / 299792.458 / 86400.0
+                add(ephemeris, name, tt, line * 1000.0, (at(chain, then) - at([(0, 10)], then)) * 1000.0)
+    for i in range(60):
+        date = ephem.Date(ephem.Date("1990/01/03 05:00:00") + i * 303.37)
+        tt = date + 2415020.0 + ephem.delta_t(date) / 86400.0
+        for name in PLANETS:
+            target = getattr(ephem, name)()
+            target.compute(date, epoch=ephem.J2000)
+            unit = lambda ra, dec: np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+            line = unit(target.a_ra, target.a_dec) * target.earth_distance * 149597870700.0
+            sun = ephem.Sun()
+            sun.compute(date, epoch=ephem.J2000)
+            from_sun = line - unit(sun.a_ra, sun.a_dec) * sun.earth_distance * 149597870700.0
+            add("libastro", name, tt, line, from_sun)
+    lat, lon, height = SITES["ufo"]
+    location = EarthLocation.from_geodetic(lon * u.deg, lat * u.deg, height * u.m, ellipsoid="WGS84")
+    for text, values in EPOCHS.items():
+        ConstantEarth.values = values
+        iers.earth_orientation_table.set(ConstantEarth())
+        time = Time(text, scale="utc", precision=9)
+        for ephemeris in ["builtin"] + (["DE430"] if text.startswith("2015-03-03") else []):
+            solar_system_ephemeris.set("builtin" if ephemeris == "builtin" else skyfield_data("de430-2015-03-02.bsp"))
+            for name in PLANETS:
+                place = get_body(name.lower() if ephemeris == "builtin" else PLANETS[name][0], time, location).transform_to(AltAz(obstime=time, location=location, pressure=0 * u.hPa))
+                rows.append((f"astropy {ephemeris}", name, time.tt.jd, np.nan, np.nan, place.distance.to_value(u.m), np.nan, text + "Z", place.az.deg, place.alt.deg))
+    names = "ephemeris,body,jd_tt,ra_deg,dec_deg,distance_m,v_mag,epoch_utc,azimuth_deg,altitude_deg".split(",")
+    return Table(rows=rows, names=names), (
+        "Mercury to Saturn: from the Earth's centre (light time, no aberration, ICRS axes) with V magnitudes; by astropy apparent azimuth and altitude at the site ufo of "
+        "places.ecsv, with its Earth orientation")
+
+
 def add_line(rows, name, body, tt, line_m):
     ra = np.degrees(np.arctan2(line_m[1], line_m[0])) % 360.0
     dec = np.degrees(np.arctan2(line_m[2], np.hypot(line_m[0], line_m[1])))
@@ -229,7 +302,7 @@ def add_line(rows, name, body, tt, line_m):
 def main():
     what, repository = sys.argv[1], sys.argv[2]
     iers.conf.auto_download = False
-    table, title = {"places": places, "frames": frames, "orientation": orientation, "bodies": bodies}[what](repository)
+    table, title = {"places": places, "frames": frames, "orientation": orientation, "bodies": bodies, "planets": planets}[what](repository)
     table.meta["title"] = title
     table.meta["source"] = f"radiometry/tests/peers/sky.py {what}, with {versions()}, numpy {np.__version__}"
     table.write(sys.stdout, format="ascii.ecsv", delimiter=",")
