@@ -160,6 +160,7 @@ mod with {
         }
         Ok(Array {
             submit: "sbatch".into(),
+            queue: Some("squeue".into()),
             command,
             tasks: args.slurm_tasks,
             options: args.slurm_option.clone(),
