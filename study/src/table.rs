@@ -147,7 +147,7 @@ pub fn notes(path: &Path) -> Option<(Vec<(String, String)>, u64)> {
     Some((notes, u64::try_from(metadata.num_rows()).ok()?))
 }
 
-/// Reads the rows of a file that [`write`] wrote, with these columns in this order.
+/// Reads the rows of a file that [`write()`] wrote, with these columns in this order.
 ///
 /// # Errors
 /// A file that is no Parquet, or has other columns.
