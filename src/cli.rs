@@ -2,9 +2,9 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    elements, explain, fit, focus, goto, import, light, observe, page, passes, picture, reduce,
-    session, simulate, solve, star, study, tables, track,
+    air, align, analyse, apply, archive, bench, brdf, calibrate, compare, demo, detect, devices,
+    efficiency, elements, explain, fit, focus, goto, import, light, observe, page, passes, picture,
+    reduce, session, simulate, solve, star, study, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -115,6 +115,8 @@ pub enum Command {
     Apply(Box<apply::ApplyArgs>),
     /// Fit a simulation to what was measured: albedos, roughness, attitude, with intervals
     Fit(Box<fit::FitArgs>),
+    /// The nights of a folder: which passes of which objects lie in its files, at which phase angles; several as one curve
+    Archive(Box<archive::ArchiveArgs>),
     /// A scene simulated for many values of its keys and the passes of many objects, in shards that a cluster may run
     Study(Box<study::StudyArgs>),
     /// Find what a light curve says about a body: its period, its folded curve, its materials, its map
@@ -176,6 +178,7 @@ impl Command {
             Command::Solve(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
             Command::Align(args) => Some(&args.out),
+            Command::Archive(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Brdf(command) => command.output(),
             Command::Efficiency(args) => Some(&args.out),
@@ -232,6 +235,7 @@ impl Command {
             Command::Import(args) => import::run(args, console),
             Command::Fit(args) => fit::run(args, seed, console),
             Command::Study(args) => study::run(args, console),
+            Command::Archive(args) => archive::run(args, console),
             Command::Analyse(command) => analyse::run(command, seed, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();

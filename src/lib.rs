@@ -22,6 +22,7 @@
 //! - [`page`]: a recorded session in the browser, and the address of a live one;
 //! - [`session`]: what of a recorded night is there;
 //! - [`mod@calibrate`]: the coefficient of every channel and night from stars;
+//! - [`archive`]: many nights;
 //! - [`apply`]: a light curve times that coefficient, magnitudes, irradiances;
 //! - [`fit`]: measured passes fitted by simulated ones;
 //! - [`analyse`]: what a light curve says about a body;
@@ -35,6 +36,7 @@ pub mod air;
 pub mod align;
 pub mod analyse;
 pub mod apply;
+pub mod archive;
 pub mod bench;
 pub mod brdf;
 pub mod calibrate;

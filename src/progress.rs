@@ -1,8 +1,10 @@
 //! Progress of long work on a terminal.
 
+use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, tell};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use sunglint_numerics::progress::Progress;
 
@@ -28,6 +30,44 @@ struct Shown {
     /// When the last line was written, after the start.
     said: Duration,
     bar: Option<ProgressBar>,
+}
+
+/// A bar whose work Ctrl-C ends.
+pub struct Watched {
+    /// The bar.
+    pub bar: Bar,
+    stop: Arc<AtomicBool>,
+}
+
+impl Watched {
+    /// Progress that begins now, and listens for Ctrl-C.
+    ///
+    /// # Errors
+    /// The system does not let it listen.
+    pub fn new(console: Console) -> anyhow::Result<Self> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let heard = Arc::clone(&stop);
+        listen(Hangup::Ends, move || heard.store(true, Ordering::Relaxed))?;
+        Ok(Self { bar: Bar::new(console), stop })
+    }
+}
+
+impl Progress for Watched {
+    fn begin(&self, stage: &str, steps: Option<u64>) {
+        self.bar.begin(stage, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.bar.advance(steps);
+    }
+
+    fn status(&self, text: &str) {
+        self.bar.status(text);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
 }
 
 impl Bar {

@@ -52,42 +52,17 @@ pub use with::run;
 #[cfg(feature = "study")]
 mod with {
     use super::{Console, StudyArgs, Usage};
-    use crate::interrupt::{Hangup, listen};
-    use crate::progress::Bar;
+    use crate::progress::Watched;
     use anyhow::Context as _;
     use serde_json::json;
     use std::path::{Path, PathBuf};
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::Instant;
-    use sunglint_numerics::progress::Progress;
     use sunglint_study::run::{self, Part, Ran};
     use sunglint_study::slurm::{self, Array};
     use sunglint_study::{Stations, Study};
 
     /// Failed tasks that are named at most.
     const NAMED: usize = 5;
-
-    /// A bar that Ctrl-C ends.
-    struct Watched {
-        bar: Bar,
-        stop: Arc<AtomicBool>,
-    }
-
-    impl Progress for Watched {
-        fn begin(&self, stage: &str, steps: Option<u64>) {
-            self.bar.begin(stage, steps);
-        }
-        fn advance(&self, steps: u64) {
-            self.bar.advance(steps);
-        }
-        fn status(&self, text: &str) {
-            self.bar.status(text);
-        }
-        fn is_cancelled(&self) -> bool {
-            self.stop.load(Ordering::Relaxed)
-        }
-    }
 
     /// Runs a study, or a part of it.
     pub fn run(args: &StudyArgs, console: Console) -> anyhow::Result<()> {
@@ -113,10 +88,7 @@ mod with {
             });
             return console.result(&plan(&study, &folder), &json);
         }
-        let stop = Arc::new(AtomicBool::new(false));
-        let heard = Arc::clone(&stop);
-        listen(Hangup::Ends, move || heard.store(true, Ordering::Relaxed))?;
-        let watched = Watched { bar: Bar::new(console), stop };
+        let watched = Watched::new(console)?;
         let start = Instant::now();
         if args.slurm || args.slurm_script {
             let array = array(args, &folder)?;
@@ -160,6 +132,7 @@ mod with {
         }
         Ok(Array {
             submit: "sbatch".into(),
+            queue: Some("squeue".into()),
             command,
             tasks: args.slurm_tasks,
             options: args.slurm_option.clone(),

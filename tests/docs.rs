@@ -88,6 +88,20 @@ fn predicted_turning_curve() -> String {
     crate::common::turning_curve().replace("quantity: linear", "quantity: predicted")
 }
 
+/// Keys of an archive with a file that is damaged; they are known without the feature, too.
+fn archive_keys(folder: &Folder, printed: &mut BTreeSet<String>) {
+    if !cfg!(feature = "study") {
+        let keys =
+            ["archive", "damaged", "gone", "index", "norad_id_from", "with_light", "without_phase"];
+        printed.extend(keys.map(str::to_owned));
+        return;
+    }
+    std::fs::create_dir(folder.path("nights")).unwrap();
+    std::fs::write(folder.path("nights/torn.ecsv"), "# %ECSV 1.0\n").unwrap();
+    std::fs::copy(folder.path("foreign.csv"), folder.path("nights/foreign.csv")).unwrap();
+    keys(&folder.json(&["archive", "nights", "--json"]), printed);
+}
+
 #[test]
 fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let folder = Folder::new("keys");
@@ -119,6 +133,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&["import", "foreign.csv", "--json"]), &mut printed);
     crate::sky::write_elements(&folder);
     keys(&folder.json(&["elements", "iss.json", "--at", "2020-07-13", "--json"]), &mut printed);
+    archive_keys(&folder, &mut printed);
     crate::sky::draw(&folder, "sky.fits");
     keys(&folder.json(&["solve", "sky.fits", "--width-deg", "25", "--json"]), &mut printed);
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();

@@ -4,6 +4,8 @@ mod active;
 mod air;
 mod analyse;
 mod apply;
+#[cfg(feature = "study")]
+mod archive;
 mod attitude;
 mod bench;
 mod brdf;

@@ -2,24 +2,28 @@
 
 use crate::watch::{Error, Failure, run};
 use glam::DVec3;
-use ndarray::{ArrayView1, ArrayView2};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use ndarray::{ArrayView1, ArrayView2, s};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint_formats::nearest_names;
 use sunglint_materials::look;
-use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, IntensityWorker, Span};
+use sunglint_simulator::intensity::{
+    Aspect, Intensities, IntensityError, IntensityOptions, IntensityPool, IntensityWorker, Span,
+};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
 /// Geometries that are evaluated between two looks for Ctrl-C.
 const TOGETHER: usize = 256;
 
-/// Most geometries between two looks: their results are held at once.
-const MOST_TOGETHER: usize = 1 << 15;
+/// Most geometries between two looks.
+const MOST_TOGETHER: usize = 1 << 17;
 /// Parts that take less are made larger,
 const SHORT: Duration = Duration::from_millis(30);
 /// and those that take more smaller.
@@ -47,6 +51,14 @@ pub fn target(model: &str) -> Result<Target, Failure> {
         names.join(", ")
     )
     .into())
+}
+
+/// Refuses no wavelengths at all.
+fn some_wavelengths(nm: &[f64]) -> PyResult<()> {
+    match nm.is_empty() {
+        true => Err(Error::new_err("wavelength_nm is empty, expected one wavelength or more")),
+        false => Ok(()),
+    }
 }
 
 fn directions(of: &PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<DVec3>> {
@@ -95,6 +107,7 @@ impl Body {
         tolerance: Option<f64>,
         budget_s: Option<f64>,
     ) -> PyResult<LightEngine> {
+        some_wavelengths(&wavelength_nm)?;
         let target = self.target.clone();
         let mut options = IntensityOptions::default();
         options.tolerance = tolerance.unwrap_or(options.tolerance);
@@ -107,8 +120,32 @@ impl Body {
             farthest.sun_distance_au = sun_distance_au.unwrap_or(farthest.sun_distance_au);
             let mut span = Span::default();
             span.add(&farthest)?;
-            let all = Intensities::new(&target, options, &span)?;
-            Ok(LightEngine { all, nearest_m: range_m, sun_distance_au: farthest.sun_distance_au })
+            let pool = IntensityPool::new(Intensities::new(&target, options, &span)?);
+            Ok(LightEngine { pool, nearest_m: range_m, sun_distance_au: farthest.sun_distance_au })
+        })
+    }
+
+    /// Seconds that the library alone takes for [`Body::light`] of a far observer at 550 nm; for `python/overhead`.
+    fn _alone(
+        &self,
+        py: Python<'_>,
+        sun: PyReadonlyArray2<'_, f64>,
+        observer: PyReadonlyArray2<'_, f64>,
+        tolerance: f64,
+    ) -> PyResult<f64> {
+        let (sun, observer) = (sun.as_array(), observer.as_array());
+        let aspect_of = |row: usize| {
+            let vector =
+                |of: &ArrayView2<'_, f64>| DVec3::new(of[[row, 0]], of[[row, 1]], of[[row, 2]]);
+            Aspect::new(vector(&sun), vector(&observer))
+        };
+        let mut options = IntensityOptions::default();
+        options.tolerance = tolerance;
+        py.detach(|| {
+            let begun = Instant::now();
+            all_light(&self.target, options, sun.nrows(), &aspect_of, &|_| {})
+                .map_err(|e| Error::new_err(e.to_string()))?;
+            Ok(begun.elapsed().as_secs_f64())
         })
     }
 
@@ -127,65 +164,40 @@ impl Body {
         budget_s: Option<f64>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
-        if sun.len() != observer.len() {
-            let text = format!("sun has {} rows and observer {}", sun.len(), observer.len());
+        some_wavelengths(&wavelength_nm)?;
+        // The caller's arrays are read where they are: millions of rows are not copied.
+        let (sun, observer) = (sun.as_array(), observer.as_array());
+        for (name, array) in [("sun", &sun), ("observer", &observer)] {
+            if array.ncols() != 3 {
+                let text = format!("{name} has the shape {:?}, expected (n, 3)", array.shape());
+                return Err(Error::new_err(text));
+            }
+        }
+        let n = sun.nrows();
+        if n != observer.nrows() {
+            let text = format!("sun has {n} rows and observer {}", observer.nrows());
             return Err(Error::new_err(text));
         }
-        let range: Option<Vec<f64>> = range_m.map(|r| r.as_array().to_vec());
-        if let Some(range) = range.as_ref().filter(|r| r.len() != sun.len()) {
-            let text = format!("range_m has {} values, expected {}", range.len(), sun.len());
+        let range = range_m.as_ref().map(|r| r.as_array());
+        if let Some(range) = range.as_ref().filter(|r| r.len() != n) {
+            let text = format!("range_m has {} values, expected {n}", range.len());
             return Err(Error::new_err(text));
         }
-        let mut aspects: Vec<Aspect> = Vec::with_capacity(sun.len());
-        for (i, (sun, observer)) in sun.into_iter().zip(observer).enumerate() {
-            let mut aspect = Aspect::new(sun, observer);
-            aspect.range_m = range.as_ref().map(|r| r[i]).filter(|r| r.is_finite());
+        let aspect_of = |row: usize| {
+            let vector =
+                |of: &ArrayView2<'_, f64>| DVec3::new(of[[row, 0]], of[[row, 1]], of[[row, 2]]);
+            let mut aspect = Aspect::new(vector(&sun), vector(&observer));
+            aspect.range_m = range.as_ref().map(|r| r[row]).filter(|r| r.is_finite());
             aspect.sun_distance_au = sun_distance_au.unwrap_or(aspect.sun_distance_au);
-            aspects.push(aspect);
-        }
+            aspect
+        };
         let mut options = IntensityOptions::default();
         options.tolerance = tolerance.unwrap_or(options.tolerance);
         options.budget_s = budget_s.unwrap_or(options.budget_s);
         options.wavelength_nm = wavelength_nm;
-        let target = self.target.clone();
         let wavelengths = options.wavelength_nm.len();
-        let n = aspects.len();
-        let (columns, warnings) = run(py, progress, move |watch| {
-            let mut span = Span::default();
-            for (i, aspect) in aspects.iter().enumerate() {
-                span.add(aspect).map_err(|e| format!("row {i}: {e}"))?;
-            }
-            let mut columns = Columns::with_capacity(n, wavelengths);
-            if n == 0 {
-                return Ok((columns, Vec::new()));
-            }
-            let all = Intensities::new(&target, options, &span)?;
-            let (mut done, mut together) = (0, FEW);
-            while done < n {
-                watch.at("light", done, n);
-                let part = &aspects[done..(done + together).min(n)];
-                let begun = Instant::now();
-                let lit = all.many(part)?;
-                done += part.len();
-                // A geometry costs microseconds or milliseconds: parts that take long enough for all threads, and end soon at Ctrl-C.
-                let took = begun.elapsed();
-                if took < SHORT {
-                    together = (together * 2).min(MOST_TOGETHER);
-                } else if took > LONG {
-                    together = (together / 2).max(8);
-                }
-                for light in lit {
-                    columns.phase_deg.push(light.phase_deg);
-                    columns.met.push(light.met);
-                    for at in &light.light {
-                        columns.per_irradiance.push(at.per_irradiance_m2_per_sr);
-                        columns.error.push(at.error_m2_per_sr);
-                        columns.intensity.push(at.intensity_w_per_sr_nm);
-                    }
-                }
-            }
-            Ok((columns, all.warnings().to_vec()))
+        let (columns, warnings) = run(py, progress, |watch| {
+            all_light(&self.target, options, n, &aspect_of, &|done| watch.at("light", done, n))
         })?;
         let out = PyDict::new(py);
         let shaped = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -207,7 +219,7 @@ const FEW: usize = 64;
 /// A light engine that is kept between calls, and runs in the thread that calls.
 #[pyclass(frozen, module = "sunglint._core")]
 pub struct LightEngine {
-    all: Intensities,
+    pool: IntensityPool,
     nearest_m: Option<f64>,
     sun_distance_au: f64,
 }
@@ -224,7 +236,7 @@ impl LightEngine {
         ),
         (light, error): (&mut [f64], &mut [f64]),
     ) -> Result<(), String> {
-        let wavelengths = self.all.options().wavelength_nm.len().max(1);
+        let wavelengths = self.pool.all().options().wavelength_nm.len().max(1);
         let vector = |of: ndarray::ArrayView1<'_, f64>| DVec3::new(of[0], of[1], of[2]);
         let rows = sun.rows().into_iter().zip(observer.rows());
         let out = light.chunks_exact_mut(wavelengths).zip(error.chunks_exact_mut(wavelengths));
@@ -244,11 +256,7 @@ impl LightEngine {
                     Some(_) => aspect.range_m = Some(m),
                 }
             }
-            let seen = worker.light(&aspect).map_err(|e| at(e.to_string()))?;
-            for (k, of) in seen.light.iter().enumerate() {
-                light[k] = of.per_irradiance_m2_per_sr;
-                error[k] = of.error_m2_per_sr;
-            }
+            worker.light_into(&aspect, light, error).map_err(|e| at(e.to_string()))?;
         }
         Ok(())
     }
@@ -281,25 +289,36 @@ impl LightEngine {
             let text = format!("range_m has {} values, expected {n}", range.len());
             return Err(Error::new_err(text));
         }
-        let wavelengths = self.all.options().wavelength_nm.len();
+        let wavelengths = self.pool.all().options().wavelength_nm.len();
+        let mut worker = self.pool.worker();
+        if n == 1 && wavelengths <= FEW {
+            // One geometry: numbers on the stack.
+            let (mut light, mut error) = ([0.0; FEW], [0.0; FEW]);
+            let out = (&mut light[..wavelengths], &mut error[..wavelengths]);
+            worker
+                .with(|worker| self.fill(worker, (0, sun, observer, range), out))
+                .map_err(Error::new_err)?;
+            let shaped = |of: &[f64; FEW]| {
+                ArrayView2::from_shape((1, wavelengths), &of[..wavelengths])
+                    .map(|view| view.to_pyarray(py))
+                    .map_err(|e| Error::new_err(e.to_string()))
+            };
+            return Ok((shaped(&light)?, shaped(&error)?));
+        }
         let (mut light, mut error) = (vec![0.0; n * wavelengths], vec![0.0; n * wavelengths]);
         let mut first = 0;
-        let mut worker = self.all.worker();
         while first < n {
             let next = (first + TOGETHER).min(n);
-            let rows = ndarray::s![first..next, ..];
             let part = (
                 first,
-                sun.slice(rows),
-                observer.slice(rows),
-                range.as_ref().map(|r| r.slice(ndarray::s![first..next])),
+                sun.slice(s![first..next, ..]),
+                observer.slice(s![first..next, ..]),
+                range.as_ref().map(|r| r.slice(s![first..next])),
             );
             let own = first * wavelengths..next * wavelengths;
             let out = (&mut light[own.clone()], &mut error[own]);
-            let done = match n <= FEW {
-                true => self.fill(&mut worker, part, out),
-                false => py.detach(|| self.fill(&mut worker, part, out)),
-            };
+            let fill = || worker.with(|worker| self.fill(worker, part, out));
+            let done = if n <= FEW { fill() } else { py.detach(fill) };
             done.map_err(Error::new_err)?;
             first = next;
             if first < n {
@@ -310,46 +329,37 @@ impl LightEngine {
         Ok((shaped(light)?, shaped(error)?))
     }
 
-    /// Seconds that the library alone takes for the same geometries, by all threads and by one, as a program in Rust would call it; for `python/overhead`.
+    /// Seconds that the library alone takes for the same geometries by one thread, into rows that are there; for `python/overhead`.
     fn _alone(
         &self,
         py: Python<'_>,
         sun: PyReadonlyArray2<'_, f64>,
         observer: PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<(f64, f64)> {
-        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
-        let rows = sun.into_iter().zip(observer);
-        let aspects: Vec<Aspect> = rows.map(|(sun, observer)| Aspect::new(sun, observer)).collect();
+    ) -> PyResult<f64> {
+        let (sun, observer) = (sun.as_array(), observer.as_array());
+        let wavelengths = self.pool.all().options().wavelength_nm.len();
+        let mut columns = Columns::new(sun.nrows(), wavelengths);
         py.detach(|| {
-            let failed =
-                |e: sunglint_simulator::intensity::IntensityError| Error::new_err(e.to_string());
             let begun = Instant::now();
-            let mut sum = 0.0;
-            for part in aspects.chunks(MOST_TOGETHER) {
-                let lit = self.all.many(part).map_err(failed)?;
-                sum += lit.iter().map(|l| l.light[0].per_irradiance_m2_per_sr).sum::<f64>();
-            }
-            let by_all = begun.elapsed().as_secs_f64();
-            let begun = Instant::now();
-            let mut worker = self.all.worker();
-            for aspect in &aspects {
-                sum += worker.light(aspect).map_err(failed)?.light[0].per_irradiance_m2_per_sr;
-            }
-            let by_one = begun.elapsed().as_secs_f64();
-            // The sums are used, so that no work is left out.
-            Ok((by_all, if sum.is_nan() { f64::NAN } else { by_one }))
+            let out = (&mut columns.per_irradiance[..], &mut columns.error[..]);
+            let mut worker = self.pool.worker();
+            worker
+                .with(|worker| self.fill(worker, (0, sun, observer, None), out))
+                .map_err(Error::new_err)?;
+            Ok(begun.elapsed().as_secs_f64())
         })
     }
 
     /// Warnings of the body for this engine.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.all.warnings().to_vec()
+        self.pool.all().warnings().to_vec()
     }
 }
 
-/// Columns of the light.
+/// Columns of the light: a number for each geometry, or for each geometry and wavelength.
 struct Columns {
+    wavelengths: usize,
     per_irradiance: Vec<f64>,
     error: Vec<f64>,
     intensity: Vec<f64>,
@@ -358,16 +368,98 @@ struct Columns {
 }
 
 impl Columns {
-    fn with_capacity(n: usize, wavelengths: usize) -> Self {
-        let room = || Vec::with_capacity(n * wavelengths);
+    fn new(n: usize, wavelengths: usize) -> Self {
+        let all = || vec![0.0; n * wavelengths];
         Self {
-            per_irradiance: room(),
-            error: room(),
-            intensity: room(),
-            phase_deg: Vec::with_capacity(n),
-            met: Vec::with_capacity(n),
+            wavelengths,
+            per_irradiance: all(),
+            error: all(),
+            intensity: all(),
+            phase_deg: vec![0.0; n],
+            met: vec![false; n],
         }
     }
+
+    /// Fills the rows of some geometries, by all threads.
+    fn fill(
+        &mut self,
+        pool: &IntensityPool,
+        rows: Range<usize>,
+        aspect_of: &(impl Fn(usize) -> Aspect + Sync),
+    ) -> Result<(), IntensityError> {
+        let w = self.wavelengths;
+        let cells = rows.start * w..rows.end * w;
+        let out = (
+            self.per_irradiance[cells.clone()].par_chunks_exact_mut(w),
+            self.error[cells.clone()].par_chunks_exact_mut(w),
+            self.intensity[cells].par_chunks_exact_mut(w),
+            &mut self.phase_deg[rows.clone()],
+            &mut self.met[rows.clone()],
+        );
+        (rows, out.0, out.1, out.2, out.3, out.4).into_par_iter().try_for_each_init(
+            || pool.worker(),
+            |worker, (row, light, error, intensity, phase_deg, met)| {
+                let aspect = aspect_of(row);
+                let lit = worker.with(|worker| worker.light_into(&aspect, light, error))?;
+                (*phase_deg, *met) = (lit.phase_deg, lit.met);
+                for (s, (intensity, light)) in intensity.iter_mut().zip(&*light).enumerate() {
+                    *intensity = pool.all().intensity(s, &aspect, *light);
+                }
+                Ok(())
+            },
+        )
+    }
+}
+
+/// The light of n geometries by all threads, with the warnings of the body; `at` hears how many are done.
+fn all_light(
+    target: &Target,
+    options: IntensityOptions,
+    n: usize,
+    aspect_of: &(impl Fn(usize) -> Aspect + Sync),
+    at: &dyn Fn(usize),
+) -> Result<(Columns, Vec<String>), Failure> {
+    let span = span_of(n, aspect_of)?;
+    let mut columns = Columns::new(n, options.wavelength_nm.len());
+    if n == 0 {
+        return Ok((columns, Vec::new()));
+    }
+    let pool = IntensityPool::new(Intensities::new(target, options, &span)?);
+    let (mut done, mut together) = (0, FEW);
+    while done < n {
+        at(done);
+        let next = (done + together).min(n);
+        let begun = Instant::now();
+        columns.fill(&pool, done..next, aspect_of)?;
+        done = next;
+        // A geometry costs microseconds or milliseconds: parts that take long enough for all threads, and end soon at Ctrl-C.
+        let took = begun.elapsed();
+        if took < SHORT {
+            together = (together * 4).min(MOST_TOGETHER);
+        } else if took > LONG {
+            together = (together / 2).max(8);
+        }
+    }
+    Ok((columns, pool.all().warnings().to_vec()))
+}
+
+/// Returns the span of the geometries; an error names the first row that is none.
+fn span_of(n: usize, aspect_of: &(impl Fn(usize) -> Aspect + Sync)) -> Result<Span, Failure> {
+    let of_part = |part: usize| -> Result<Span, String> {
+        let mut span = Span::default();
+        for row in part * TOGETHER..((part + 1) * TOGETHER).min(n) {
+            span.add(&aspect_of(row)).map_err(|e| format!("row {row}: {e}"))?;
+        }
+        Ok(span)
+    };
+    // In the order of the parts, so that the first error is the one that is told.
+    let parts: Vec<Result<Span, String>> =
+        (0..n.div_ceil(TOGETHER)).into_par_iter().map(of_part).collect();
+    let mut span = Span::default();
+    for part in parts {
+        span.join(&part?);
+    }
+    Ok(span)
 }
 
 /// A material whose BRDF is asked for, as `sunglint brdf show` takes it.

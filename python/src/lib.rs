@@ -2,6 +2,7 @@
 //!
 //! Long work runs in a thread of its own without the interpreter's lock, while the caller's thread listens for Ctrl-C: a signal ends the work at its next step.
 
+mod archive;
 mod body;
 mod lab;
 mod night;
@@ -22,6 +23,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<body::Body>()?;
     module.add_class::<body::Brdf>()?;
     module.add_class::<body::LightEngine>()?;
+    archive::add(module)?;
     lab::add(module)?;
     night::add(module)?;
     reading::add(module)?;

@@ -87,56 +87,58 @@ impl Progress for Watch {
 /// An error of the libraries that is not yet an exception.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Does work in a thread of its own, without the interpreter's lock. `callback(stage, done, of)` hears where it stands, some forty times a second at most.
-pub fn run<T: Send + 'static>(
+/// Does work in a thread of its own, without the interpreter's lock, and waits for its end. `callback(stage, done, of)` hears where it stands, some forty times a
+/// second at most.
+pub fn run<T: Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
-    work: impl FnOnce(&Watch) -> Result<T, Failure> + Send + 'static,
+    work: impl FnOnce(&Watch) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
     let watch = Watch { stop: Arc::default(), steps: Arc::default() };
-    let (send, receive) = channel();
-    let own = watch.clone();
-    let thread = std::thread::Builder::new().name("sunglint".into()).stack_size(64 << 20).spawn(
-        move || {
+    std::thread::scope(|scope| {
+        let (send, receive) = channel();
+        let own = watch.clone();
+        let builder = std::thread::Builder::new().name("sunglint".into()).stack_size(64 << 20);
+        let thread = builder.spawn_scoped(scope, move || {
             // The receiver is gone where the caller did not wait: nothing is left to tell.
             let _ = send.send(work(&own));
-        },
-    )?;
-    let receive = Mutex::new(receive);
-    let mut interrupted = None;
-    let outcome = loop {
-        let waited =
-            py.detach(|| receive.lock().unwrap_or_else(|e| e.into_inner()).recv_timeout(LISTEN));
-        match waited {
-            Ok(outcome) => break Some(outcome),
-            Err(RecvTimeoutError::Disconnected) => break None,
-            Err(RecvTimeoutError::Timeout) => {}
-        }
-        if interrupted.is_none() {
-            let told = tell(py, &watch, callback.as_ref()).and_then(|()| py.check_signals());
-            if let Err(error) = told {
-                watch.stop.store(true, Ordering::Relaxed);
-                interrupted = Some(error);
+        })?;
+        let receive = Mutex::new(receive);
+        let mut interrupted = None;
+        let outcome = loop {
+            let waited = py
+                .detach(|| receive.lock().unwrap_or_else(|e| e.into_inner()).recv_timeout(LISTEN));
+            match waited {
+                Ok(outcome) => break Some(outcome),
+                Err(RecvTimeoutError::Disconnected) => break None,
+                Err(RecvTimeoutError::Timeout) => {}
             }
+            if interrupted.is_none() {
+                let told = tell(py, &watch, callback.as_ref()).and_then(|()| py.check_signals());
+                if let Err(error) = told {
+                    watch.stop.store(true, Ordering::Relaxed);
+                    interrupted = Some(error);
+                }
+            }
+        };
+        // Joined in every case: a thread that ended by a panic would end the scope by one.
+        let ended = py.detach(|| thread.join());
+        if let Some(error) = interrupted {
+            return Err(error);
         }
-    };
-    if let Some(error) = interrupted {
-        return Err(error);
-    }
-    match outcome {
-        Some(Ok(value)) => {
-            tell(py, &watch, callback.as_ref())?;
-            py.check_signals()?;
-            Ok(value)
-        }
-        Some(Err(error)) => Err(exception(py, error.as_ref())),
-        None => match py.detach(|| thread.join()) {
-            Err(reason) if reason.is::<Stopped>() => Err(PyKeyboardInterrupt::new_err(())),
-            _ => {
+        match (outcome, ended) {
+            (Some(Ok(value)), _) => {
+                tell(py, &watch, callback.as_ref())?;
+                py.check_signals()?;
+                Ok(value)
+            }
+            (Some(Err(error)), _) => Err(exception(py, error.as_ref())),
+            (None, Err(reason)) if reason.is::<Stopped>() => Err(PyKeyboardInterrupt::new_err(())),
+            (None, _) => {
                 Err(Error::new_err("the work ended without a result; this is a fault of sunglint"))
             }
-        },
-    }
+        }
+    })
 }
 
 fn tell(py: Python<'_>, watch: &Watch, callback: Option<&Py<PyAny>>) -> PyResult<()> {

@@ -25,6 +25,7 @@ from . import _core
 from ._core import Error, __version__
 
 __all__ = [
+    "ArchiveResult",
     "Body",
     "Brdf",
     "Calibration",
@@ -44,6 +45,7 @@ __all__ = [
     "Table",
     "air",
     "apply",
+    "archive",
     "attitude",
     "body_map",
     "calibrate",
@@ -1094,6 +1096,78 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
     k, n = part or (1, 1)
     report = _json.loads(_core.run_study(path, folder, station, k, n, _callback(progress)))
     return StudyResult(folder, report)
+
+
+class ArchiveResult(Result):
+    """Passes that an archive has: a :class:`Result` whose table has a row for each channel of each pass.
+
+    Attributes
+    ----------
+    paths : list of str
+        The files of the passes, in the order of time.
+    """
+
+    def __init__(self, outcome, asked):
+        super().__init__(outcome)
+        self.asked = asked
+        found = self.summary
+        self.paths = list(dict.fromkeys(_os.path.join(found["archive"], p["file"]) for p in found["passes"]))
+
+    def curve(self):
+        """The light of all these passes as one curve, which stands wherever a file of one is taken.
+
+        Returns
+        -------
+        Result
+        """
+        folder, wanted, index = self.asked
+        return Result(_core.archive(folder, wanted, index, False, True))
+
+
+def archive(folder, object=None, channel=(), kind=(), station=None, start=None, end=None, phase_below_deg=None, phase_above_deg=None, min_samples=None, index=None, fresh=False, progress=None):
+    """Which passes lie in the files of many nights: sessions, light curves, magnitudes of other programs.
+
+    The first call reads all files, later ones those that changed.
+
+    Parameters
+    ----------
+    folder : path
+    object : int or str, optional
+        Number in the catalogue, or the target's name.
+    channel : str or sequence of str, optional
+        Channels or filters.
+    kind : str or sequence, optional
+        ``recorded``, ``raw``, ``linear``, ``calibrated``, ``predicted``, ``magnitudes``; all that is measured without it.
+    station : str, optional
+        Name of the station.
+    start, end : str, datetime, datetime64 or astropy Time, optional
+        Passes within this time.
+    phase_below_deg, phase_above_deg : float or Quantity, optional
+        Passes with a sample at such a phase angle.
+    min_samples : int, optional
+    index : path, optional
+        Folder of the index, in place of ``sunglint-archive`` in the folder.
+    fresh : bool
+        Read all files again.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    ArchiveResult
+    """
+    wanted = dict(
+        object=None if object is None else str(object),
+        channel=[channel] if isinstance(channel, str) else list(channel),
+        kind=[kind] if isinstance(kind, str) else list(kind),
+        station=station,
+        start=_utc(start),
+        end=_utc(end),
+        phase_below_deg=_value(phase_below_deg, "deg"),
+        phase_above_deg=_value(phase_above_deg, "deg"),
+        min_samples=min_samples,
+    )
+    asked = (_path(folder), wanted, None if index is None else _path(index))
+    return ArchiveResult(_core.archive(*asked, fresh, False, _callback(progress)), asked)
 
 
 def star(name, at, station, to=None, step_s=60.0, exposure_s=0.1, place=None, v_mag=None, b_minus_v_mag=None, spectral_type=None, air=None, zero_point="vega=0.03"):

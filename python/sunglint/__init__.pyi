@@ -218,6 +218,12 @@ class Session:
         progress: _Progress | None = None,
     ) -> Reduced: ...
 
+class ArchiveResult(Result):
+    paths: list[str]
+    asked: tuple[str, dict[str, Any], str | None]
+    def __init__(self, outcome: Any, asked: tuple[str, dict[str, Any], str | None]) -> None: ...
+    def curve(self) -> Result: ...
+
 class StudyResult:
     folder: str
     report: dict[str, Any]
@@ -434,6 +440,21 @@ def star(
     air: Mapping[str, Any] | None = None,
     zero_point: str = "vega=0.03",
 ) -> Result: ...
+def archive(
+    folder: _Path,
+    object: int | str | None = None,
+    channel: str | Sequence[str] = (),
+    kind: str | Sequence[str] = (),
+    station: str | None = None,
+    start: _Moment | None = None,
+    end: _Moment | None = None,
+    phase_below_deg: _Number | None = None,
+    phase_above_deg: _Number | None = None,
+    min_samples: int | None = None,
+    index: _Path | None = None,
+    fresh: bool = False,
+    progress: _Progress | None = None,
+) -> ArchiveResult: ...
 def study(
     study: _Path,
     output: _Path,

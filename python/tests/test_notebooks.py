@@ -11,13 +11,15 @@ FOLDER = pathlib.Path(__file__).parent.parent / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
 
-def test_there_are_six():
-    assert [n.stem for n in NOTEBOOKS] == ["material", "night", "pass", "planning", "spin", "study"]
+def test_they_are_all_there():
+    assert [n.stem for n in NOTEBOOKS] == ["material", "night", "pass", "planning", "renderer", "spin", "study"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_a_notebook_runs(path, tmp_path):
     """Truth: what the notebook itself asserts in its last cells, beside a formula or the night's own light. Outputs have at least one picture."""
+    if path.stem == "renderer":
+        pytest.importorskip("mitsuba", reason="mitsuba is not installed: the notebook beside it is not run")
     text = path.read_text()
     stored = json.loads(text)
     assert all(not c.get("outputs") and c.get("execution_count") is None for c in stored["cells"])

@@ -6,7 +6,9 @@ use glam::DVec3;
 use std::f64::consts::PI;
 use std::path::Path;
 use sunglint_simulator::intensity::rows::Rows;
-use sunglint_simulator::intensity::{Aspect, Intensities, IntensityError, IntensityOptions, Span};
+use sunglint_simulator::intensity::{
+    Aspect, Intensities, IntensityError, IntensityOptions, IntensityPool, Span,
+};
 use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::target::Target;
 
@@ -50,6 +52,54 @@ fn a_lambert_sphere() {
         let off = (at.per_irradiance_m2_per_sr - truth).abs();
         assert!(off <= at.error_m2_per_sr + 1e-9 * truth, "{deg}: {off} {at:?}");
         assert_eq!(whole.met, whole.limited_by.is_none());
+    }
+}
+
+/// A worker that is kept, and has done other work before, in several threads, writes the bits of one that is new. Truth: the new one's.
+#[test]
+fn kept_workers_change_no_bit() {
+    for name in ["box_wing", "corner", "box_with_panels"] {
+        let target = Target::built_in(name).unwrap();
+        let aspects: Vec<Aspect> = (0..24_u32)
+            .map(|k| {
+                let u = f64::from(k);
+                let sun = DVec3::new((1.3 * u).cos(), (1.3 * u).sin(), (0.7 * u).cos());
+                Aspect::new(sun, DVec3::new((2.1 * u).sin(), 0.3 + (0.4 * u).cos(), 0.5))
+            })
+            .collect();
+        let mut options = IntensityOptions::default();
+        options.tolerance = 0.05;
+        options.budget_s = 1e-3;
+        options.wavelength_nm = vec![450.0, 700.0];
+        let all = prepared(&target, options, &aspects);
+        let fresh: Vec<_> = aspects.iter().map(|a| all.worker().light(a).unwrap()).collect();
+        let pool = IntensityPool::new(all);
+        std::thread::scope(|scope| {
+            for first in 0..3 {
+                let (pool, aspects, fresh) = (&pool, &aspects, &fresh);
+                scope.spawn(move || {
+                    for k in (0..aspects.len()).map(|k| (7 * k + first) % aspects.len()) {
+                        let (mut light, mut error) = ([0.0; 2], [0.0; 2]);
+                        let lit = pool
+                            .worker()
+                            .with(|w| w.light_into(&aspects[k], &mut light, &mut error))
+                            .unwrap();
+                        for s in 0..2 {
+                            let at = &fresh[k].light[s];
+                            let found = (light[s].to_bits(), error[s].to_bits());
+                            let own = (at.per_irradiance_m2_per_sr, at.error_m2_per_sr);
+                            assert_eq!(found, (own.0.to_bits(), own.1.to_bits()), "{name} {k}");
+                            let intensity = pool.all().intensity(s, &aspects[k], light[s]);
+                            assert_eq!(intensity.to_bits(), at.intensity_w_per_sr_nm.to_bits());
+                        }
+                        assert_eq!((lit.met, lit.phase_deg), (fresh[k].met, fresh[k].phase_deg));
+                    }
+                });
+            }
+        });
+        // Rows of another length are refused.
+        let short = pool.worker().with(|w| w.light_into(&aspects[0], &mut [0.0], &mut [0.0; 2]));
+        assert!(short.unwrap_err().to_string().contains("expected 2"));
     }
 }
 

@@ -29,6 +29,14 @@ pub enum StudyError {
         /// Error of the Parquet writer.
         source: parquet::errors::ParquetError,
     },
+    /// A table cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unread {
+        /// The file.
+        path: PathBuf,
+        /// Error of the Parquet reader.
+        source: parquet::errors::ParquetError,
+    },
     /// The folder holds another study, or another state of this one.
     #[error(
         "{} holds another study ({found}, this one is {id}): its file, its scene, what these name or the program's version has changed; give another folder, or remove that one",

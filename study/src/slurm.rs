@@ -7,6 +7,7 @@ use crate::run::{Part, missing, prepare};
 use crate::{Study, StudyError};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_numerics::progress::{Cancelled, Progress};
 
@@ -14,6 +15,13 @@ use sunglint_numerics::progress::{Cancelled, Progress};
 pub const TASKS: usize = 50;
 /// Arrays that are tried before a shard is given up.
 pub const ROUNDS: usize = 5;
+/// First pause between two looks at the queue, and the longest.
+const SOONEST: Duration = Duration::from_millis(500);
+const LATEST: Duration = Duration::from_secs(10);
+/// Pause between two looks for Ctrl-C.
+const BLINK: Duration = Duration::from_millis(50);
+/// Times that a queue that does not answer is asked.
+const ASKED: usize = 30;
 /// Name of the batch script in the study's folder.
 pub const SCRIPT: &str = "study.sbatch";
 
@@ -22,6 +30,8 @@ pub const SCRIPT: &str = "study.sbatch";
 pub struct Array {
     /// Program that submits: `sbatch`, or a way to it.
     pub submit: PathBuf,
+    /// Program that lists waiting and running jobs: `squeue`. Without one `sbatch --wait` waits, which looks every 30 s or so.
+    pub queue: Option<PathBuf>,
     /// Command that makes a part: the program and its arguments up to `--part`.
     pub command: Vec<String>,
     /// Tasks of the array at most.
@@ -108,9 +118,34 @@ impl Array {
             let wanted: Vec<usize> =
                 (1..=parts).filter(|part| left.iter().any(|s| s % parts == part - 1)).collect();
             progress.status(&format!("array {round}: {} parts", wanted.len()));
-            self.array(&script, &logs, &wanted)?;
+            let job = self.array(&script, &logs, &wanted)?;
+            let mut told = left.len();
+            if let Some(queue) = &self.queue {
+                // Looked for more and more seldom: an array takes seconds or days.
+                let mut pause = SOONEST;
+                loop {
+                    let is_queued = is_queued(queue, &job)?;
+                    let now = missing(study, folder).len();
+                    progress.advance(told.saturating_sub(now) as u64);
+                    told = told.min(now);
+                    if now == 0 || !is_queued {
+                        break;
+                    }
+                    let until = Instant::now() + pause;
+                    while Instant::now() < until {
+                        if progress.is_cancelled() {
+                            progress.warn(&format!(
+                                "job {job} goes on in Slurm; `scancel {job}` ends it"
+                            ));
+                            return Err(Cancelled.into());
+                        }
+                        std::thread::sleep(BLINK.min(until - Instant::now().min(until)));
+                    }
+                    pause = (pause + pause / 4).min(LATEST);
+                }
+            }
             let now = missing(study, folder);
-            progress.advance(left.len().saturating_sub(now.len()) as u64);
+            progress.advance(told.saturating_sub(now.len()) as u64);
             idle = if now.len() == left.len() { idle + 1 } else { 0 };
             left = now;
             if idle == 2 {
@@ -127,10 +162,14 @@ impl Array {
         }
     }
 
-    fn array(&self, script: &Path, logs: &Path, parts: &[usize]) -> Result<(), StudyError> {
+    /// Submits an array; its job's number.
+    fn array(&self, script: &Path, logs: &Path, parts: &[usize]) -> Result<String, StudyError> {
         let list = parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        let output = Command::new(&self.submit)
-            .arg("--wait")
+        let mut command = Command::new(&self.submit);
+        if self.queue.is_none() {
+            command.arg("--wait");
+        }
+        let output = command
             .arg(format!("--array={list}"))
             .arg(format!("--output={}/%A_%a.txt", logs.display()))
             .arg(script)
@@ -143,12 +182,34 @@ impl Array {
             })?;
         // A task that fails gives sbatch its own exit code: whether shards are missing is seen in the folder. No job at all is an error.
         let said = String::from_utf8_lossy(&output.stdout);
-        if said.contains("Submitted batch job") {
-            return Ok(());
+        if let Some((_, job)) = said.split_once("Submitted batch job ") {
+            return Ok(job.chars().take_while(char::is_ascii_digit).collect());
         }
         let why = String::from_utf8_lossy(&output.stderr);
         Err(StudyError::Slurm(format!("sbatch refused: {}", why.trim())))
     }
+}
+
+/// Whether Slurm still has tasks of a job that wait, run or end. Slurm's controller may be busy for a while: it is asked again.
+fn is_queued(queue: &Path, job: &str) -> Result<bool, StudyError> {
+    let mut why = String::new();
+    for _ in 0..ASKED {
+        let output = Command::new(queue).args(["--noheader", "--jobs", job]).output();
+        let output = output.map_err(|e| {
+            let queue = queue.display();
+            StudyError::Slurm(format!("cannot start {queue}: {e}; job {job} goes on without it"))
+        })?;
+        if output.status.success() {
+            return Ok(!output.stdout.trim_ascii().is_empty());
+        }
+        why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        // What has ended is forgotten after some minutes.
+        if why.contains("Invalid job id") {
+            return Ok(false);
+        }
+        std::thread::sleep(LATEST);
+    }
+    Err(StudyError::Slurm(format!("squeue does not tell of job {job}, which goes on: {why}")))
 }
 
 /// Reads `K/N`.

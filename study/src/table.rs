@@ -2,6 +2,7 @@
 
 use crate::StudyError;
 use parquet::basic::{Compression, Encoding, LogicalType, Repetition, TimeUnit, Type as Physical};
+use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
@@ -11,6 +12,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::{Type, TypePtr};
 use std::path::Path;
 use std::sync::Arc;
+use sunglint_formats::FileError;
 
 /// Rows of a row group at most.
 const GROUP_ROWS: usize = 1 << 16;
@@ -143,6 +145,77 @@ pub fn notes(path: &Path) -> Option<(Vec<(String, String)>, u64)> {
     let notes = metadata.key_value_metadata()?.iter();
     let notes = notes.map(|n| (n.key.clone(), n.value.clone().unwrap_or_default())).collect();
     Some((notes, u64::try_from(metadata.num_rows()).ok()?))
+}
+
+/// Reads the rows of a file that [`write()`] wrote, with these columns in this order.
+///
+/// # Errors
+/// A file that is no Parquet, or has other columns.
+pub fn read(path: &Path, columns: &[(String, Kind)]) -> Result<Rows, StudyError> {
+    let file = std::fs::File::open(path).map_err(|e| FileError::io("read", path, e))?;
+    decode(file, columns).map_err(|source| StudyError::Unread { path: path.to_path_buf(), source })
+}
+
+fn decode(file: std::fs::File, columns: &[(String, Kind)]) -> Result<Rows, ParquetError> {
+    let reader = SerializedFileReader::new(file)?;
+    let found = reader.metadata().file_metadata().schema_descr();
+    let other = |what: String| ParquetError::General(what);
+    if found.num_columns() != columns.len() {
+        return Err(other(format!("{} columns, expected {}", found.num_columns(), columns.len())));
+    }
+    for (i, (name, kind)) in columns.iter().enumerate() {
+        let column = found.column(i);
+        let expected = field(name, *kind)?;
+        if column.self_type() != &*expected {
+            return Err(other(format!("column {i} is `{}`, expected `{name}`", column.name())));
+        }
+    }
+    let mut rows = Rows::new();
+    for g in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(g)?;
+        let count = usize::try_from(group.metadata().num_rows())
+            .map_err(|e| other(format!("a number of rows: {e}")))?;
+        let first = rows.len();
+        rows.resize(first + count, Vec::with_capacity(columns.len()));
+        for (i, (name, kind)) in columns.iter().enumerate() {
+            let mut levels = Vec::new();
+            let mut cells: Vec<Cell> = Vec::new();
+            match kind {
+                Kind::Integer | Kind::Time => {
+                    let mut values = Vec::new();
+                    let mut column =
+                        get_typed_column_reader::<Int64Type>(group.get_column_reader(i)?);
+                    column.read_records(count, Some(&mut levels), None, &mut values)?;
+                    cells.extend(values.into_iter().map(Cell::Integer));
+                }
+                Kind::Number => {
+                    let mut values = Vec::new();
+                    let mut column =
+                        get_typed_column_reader::<DoubleType>(group.get_column_reader(i)?);
+                    column.read_records(count, Some(&mut levels), None, &mut values)?;
+                    cells.extend(values.into_iter().map(Cell::Number));
+                }
+                Kind::Text => {
+                    let mut values = Vec::new();
+                    let mut column =
+                        get_typed_column_reader::<ByteArrayType>(group.get_column_reader(i)?);
+                    column.read_records(count, Some(&mut levels), None, &mut values)?;
+                    for value in values {
+                        cells.push(Cell::Text(value.as_utf8()?.to_owned()));
+                    }
+                }
+            }
+            let mut cells = cells.into_iter();
+            if levels.len() != count {
+                return Err(other(format!("`{name}` has {} rows of {count}", levels.len())));
+            }
+            for (row, level) in rows[first..].iter_mut().zip(levels) {
+                let cell = if level == 1 { cells.next() } else { Some(Cell::None) };
+                row.push(cell.ok_or_else(|| other(format!("`{name}` has too few values")))?);
+            }
+        }
+    }
+    Ok(rows)
 }
 
 /// Writes rows to a file, whole or not at all.

@@ -11,6 +11,7 @@ fn the_script_is_one_that_a_shell_reads_alike() {
     let study = read(&path).expect("a study");
     let array = Array {
         submit: "sbatch".into(),
+        queue: None,
         command: vec!["/opt/my tools/sunglint".into(), "study".into(), "a'b.toml".into()],
         tasks: 50,
         options: vec!["--partition=long".into()],
@@ -38,6 +39,7 @@ fn without_slurm_it_is_said() {
     let study = read(&path).expect("a study");
     let array = Array {
         submit: dir.path().join("sbatch"),
+        queue: None,
         command: vec!["true".into()],
         tasks: 2,
         options: Vec::new(),
@@ -79,8 +81,13 @@ exit 1
     std::fs::write(&sbatch, script).expect("written");
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(&sbatch, mode).expect("executable");
-    let array =
-        Array { submit: sbatch, command: vec!["true".into()], tasks: 50, options: Vec::new() };
+    let array = Array {
+        submit: sbatch,
+        queue: None,
+        command: vec!["true".into()],
+        tasks: 50,
+        options: Vec::new(),
+    };
     array.submit(&study, &out, &Silent).expect("all there");
     let log = std::fs::read_to_string(dir.path().join("log")).expect("a log");
     assert_eq!(log, "1,2,3\n1,2,3\n2\n");
@@ -92,4 +99,62 @@ exit 1
     let array = Array { submit: loses, ..array };
     let error = array.submit(&study, &dir.path().join("none"), &Silent).expect_err("lost");
     assert!(error.to_string().contains("3 of 3 shards are missing"), "{error}");
+}
+
+/// An array that goes on behind `sbatch` (synthetic: a stand-in for `squeue` that lists it for a while, then forgets it, and makes the shards): it is waited
+/// for by the queue, and no longer than there is something missing.
+#[test]
+fn an_array_is_waited_for_by_the_queue() {
+    let (dir, path) = folder(
+        "[study]\nscene = \"pass.toml\"\ntasks_a_shard = 1\n[[parameter]]\nkey = \"target.sphere.radius_m\"\nvalues = [1.0, 2.0]\n",
+    );
+    let study = read(&path).expect("a study");
+    let made = dir.path().join("made");
+    sunglint_study::run::run(&study, &made, sunglint_study::run::Part::ALL, &Silent).expect("done");
+    let out = dir.path().join("out");
+    let executable = |name: &str, text: String| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, text).expect("written");
+        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+        std::fs::set_permissions(&path, mode).expect("executable");
+        path
+    };
+    let log = dir.path().join("log");
+    let sbatch = executable(
+        "sbatch",
+        format!("#!/bin/sh\necho \"$1\" >> {}\necho Submitted batch job 71\n", log.display()),
+    );
+    // The first array makes the first shard and is gone; the second goes on for ever, and its shard is there at the third look.
+    let squeue = executable(
+        "squeue",
+        format!(
+            r#"#!/bin/sh
+[ "$3" = 71 ] || exit 9
+echo look >> {log}
+case $(grep -c look {log}) in
+  1) echo 71_1 R ;;
+  2) cp {made}/summary/part-000000.parquet {out}/summary/; echo "slurm_load_jobs error: Invalid job id specified" >&2; exit 1 ;;
+  3) echo 71_2 R ;;
+  *) cp {made}/summary/part-000001.parquet {out}/summary/; echo 71_2 R ;;
+esac
+"#,
+            log = log.display(),
+            made = made.display(),
+            out = out.display(),
+        ),
+    );
+    let array = Array {
+        submit: sbatch,
+        queue: Some(squeue),
+        command: vec!["true".into()],
+        tasks: 50,
+        options: Vec::new(),
+    };
+    array.submit(&study, &out, &Silent).expect("all there");
+    let log = std::fs::read_to_string(log).expect("a log");
+    assert_eq!(log, "--array=1,2\nlook\nlook\n--array=2\nlook\nlook\n");
+    let error = Array { queue: Some(dir.path().join("none")), ..array }
+        .submit(&study, &dir.path().join("other"), &Silent)
+        .expect_err("no squeue");
+    assert!(error.to_string().contains("cannot start"), "{error}");
 }

@@ -6,6 +6,10 @@
 
 pub mod rows;
 
+mod pool;
+
+pub use pool::{Held, IntensityPool};
+
 use crate::light::engine::{self, Switches};
 use crate::light::{
     Course, DirectionError, EarthAlbedo, Engine, Globe, Lighting, Need, Options, SceneError,
@@ -150,6 +154,19 @@ impl Span {
             course.earthshine = course.earthshine.max(engine::earthshine(&earth, most));
         }
         Ok(())
+    }
+
+    /// Adds the aspects of another span.
+    pub fn join(&mut self, other: &Self) {
+        let (own, course) = (&mut self.course, &other.course);
+        own.epochs += course.epochs;
+        own.geometries += course.geometries;
+        own.range_m = own.range_m.min(course.range_m);
+        own.sun_radius_rad = own.sun_radius_rad.max(course.sun_radius_rad);
+        own.phase_rad = own.phase_rad.max(course.phase_rad);
+        let (least, most) = own.radius_m;
+        own.radius_m = (least.min(course.radius_m.0), most.max(course.radius_m.1));
+        own.earthshine = own.earthshine.max(course.earthshine);
     }
 
     /// Aspects so far.
@@ -367,6 +384,11 @@ impl Intensities {
         all.into_iter().collect()
     }
 
+    /// Spectral radiant intensity, W sr⁻¹ nm⁻¹, under the Sun at an aspect's distance, of the light over its irradiance at the wavelength of a number, m² sr⁻¹.
+    pub fn intensity(&self, wavelength: usize, aspect: &Aspect, light_m2_per_sr: f64) -> f64 {
+        aspect.sun_distance_au.powi(-2) * self.sun[wavelength] * light_m2_per_sr
+    }
+
     /// Room to work in: one for each thread.
     pub fn worker(&self) -> IntensityWorker<'_> {
         let row = vec![0.0; self.engine.terms().len()];
@@ -383,31 +405,86 @@ pub struct IntensityWorker<'a> {
     errors: Vec<f64>,
 }
 
+fn phase_deg(aspect: &Aspect) -> f64 {
+    aspect.sun.angle_between(aspect.observer).to_degrees()
+}
+
+/// What goes with the light of one aspect, where the light itself is written to rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lit {
+    /// The phase angle, degrees.
+    pub phase_deg: f64,
+    /// Whether the largest stated error over the wavelengths is within the tolerance.
+    pub met: bool,
+}
+
 impl IntensityWorker<'_> {
+    /// Finds the weights of all terms and their errors.
+    fn weigh(&mut self, aspect: &Aspect, lighting: &Lighting) -> Result<(), IntensityError> {
+        aspect.check()?;
+        self.worker.light(lighting, &mut self.weights, &mut self.errors)?;
+        Ok(())
+    }
+
+    /// The light over the Sun's irradiance at a wavelength and its stated error, m² sr⁻¹, of the weights at hand.
+    fn sums(&self, s: usize) -> (f64, f64) {
+        let (all, count) = (self.all, self.all.sun.len());
+        let tau = |k: usize| all.tau[k * count + s];
+        let light = (0..all.engine.lit_terms()).map(|k| tau(k) * self.weights[k]).sum();
+        let error = (0..all.engine.terms().len()).map(|k| tau(k).abs() * self.errors[k]).sum();
+        (light, error)
+    }
+
+    /// The same light as [`IntensityWorker::light`], written to two rows of one number for each wavelength: over the Sun's irradiance, m² sr⁻¹, and its stated
+    /// error. It allocates nothing.
+    ///
+    /// # Errors
+    /// Those of [`IntensityWorker::light`]; rows of another length than the wavelengths.
+    pub fn light_into(
+        &mut self,
+        aspect: &Aspect,
+        light: &mut [f64],
+        error: &mut [f64],
+    ) -> Result<Lit, IntensityError> {
+        let expected = self.all.sun.len();
+        for found in [light.len(), error.len()] {
+            if found != expected {
+                return Err(DirectionError::Room { found, expected }.into());
+            }
+        }
+        self.weigh(aspect, &aspect.lighting())?;
+        let mut met = true;
+        for (s, (light, error)) in light.iter_mut().zip(error).enumerate() {
+            (*light, *error) = self.sums(s);
+            // As `light` judges: without light there is no relative error.
+            let is_lit = *light > 0.0;
+            met &= !is_lit || *error / *light <= self.all.options.tolerance;
+        }
+        Ok(Lit { phase_deg: phase_deg(aspect), met })
+    }
+
     /// The light of an aspect.
     ///
     /// # Errors
     /// [`IntensityError::Direction`] and [`IntensityError::Value`]: numbers that are none.
     pub fn light(&mut self, aspect: &Aspect) -> Result<Intensity, IntensityError> {
-        aspect.check()?;
         let lighting = aspect.lighting();
-        self.worker.light(&lighting, &mut self.weights, &mut self.errors)?;
-        let Self { all, weights, errors, .. } = self;
-        let (terms, count) = (all.engine.terms(), all.sun.len());
-        let tau = |k: usize, s: usize| all.tau[k * count + s];
-        let lit = all.engine.lit_terms();
-        let per_au = aspect.sun_distance_au.powi(-2);
+        self.weigh(aspect, &lighting)?;
+        let count = self.all.sun.len();
         let at = |s: usize| {
-            let light: f64 = (0..lit).map(|k| tau(k, s) * weights[k]).sum();
-            let error: f64 = (0..terms.len()).map(|k| tau(k, s).abs() * errors[k]).sum();
+            let (light, error) = self.sums(s);
             At {
-                wavelength_nm: all.options.wavelength_nm[s],
+                wavelength_nm: self.all.options.wavelength_nm[s],
                 per_irradiance_m2_per_sr: light,
                 error_m2_per_sr: error,
-                intensity_w_per_sr_nm: per_au * all.sun[s] * light,
+                intensity_w_per_sr_nm: self.all.intensity(s, aspect, light),
             }
         };
         let light: Vec<At> = (0..count).map(at).collect();
+        let Self { all, weights, errors, .. } = self;
+        let terms = all.engine.terms();
+        let tau = |k: usize, s: usize| all.tau[k * count + s];
+        let lit = all.engine.lit_terms();
         let share = |at: &At| at.error_m2_per_sr / at.per_irradiance_m2_per_sr;
         let lit_up = light.iter().enumerate().filter(|(_, at)| at.per_irradiance_m2_per_sr > 0.0);
         let worst = lit_up.max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
@@ -444,7 +521,7 @@ impl IntensityWorker<'_> {
         Ok(Intensity {
             sun: lighting.sun_body.to_array(),
             observer: aspect.observer.normalize_or_zero().to_array(),
-            phase_deg: aspect.sun.angle_between(aspect.observer).to_degrees(),
+            phase_deg: phase_deg(aspect),
             stated_relative,
             met,
             limited_by,

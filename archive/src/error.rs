@@ -1,0 +1,50 @@
+//! Errors of an archive.
+
+use std::path::PathBuf;
+use sunglint_formats::{FileError, ParseError, TableError};
+use sunglint_numerics::progress::Cancelled;
+use sunglint_study::StudyError;
+
+/// Why an archive cannot be indexed, asked or joined. A single damaged file is none of these: it is named in the answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArchiveError {
+    /// The folder or the index cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A table of the index cannot be written.
+    #[error(transparent)]
+    Table(#[from] StudyError),
+    /// A column that is not there.
+    #[error(transparent)]
+    Column(#[from] TableError),
+    /// There is no such folder.
+    #[error("{}: there is no such folder", path.display())]
+    NoFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Passes that cannot be put into one curve.
+    #[error("the passes cannot be one curve: {why}")]
+    Apart {
+        /// How they differ, and what to do.
+        why: String,
+    },
+    /// A file has changed since it was indexed.
+    #[error("{}: pass {pass} is no longer in it: index the archive again", path.display())]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// Number of the pass.
+        pass: u32,
+    },
+    /// The work was stopped.
+    #[error("{0}: the index is as it was")]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<ParseError> for ArchiveError {
+    fn from(error: ParseError) -> Self {
+        Self::File(error.into())
+    }
+}
