@@ -218,7 +218,8 @@ fn scene(target: &str) -> String {
 /// materials without an index is not known: its error is the whole.
 #[test]
 fn a_pass_is_polarised_by_its_phase() {
-    let glass = "sphere = { radius_m = 0.5, material = \"glass\" }\n[[target.material]]\nname = \"glass\"\nmodel = \"microfacet\"\n\
+    let glass = "[[target.part]]\nname = \"ball\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"glass\"\n\
+                 [[target.material]]\nname = \"glass\"\nmodel = \"microfacet\"\n\
                  distribution = \"ggx\"\nalpha = 0.3\nfresnel = \"dielectric\"\nn = 1.5";
     let pass = PassFile::parse("p.toml", &scene(glass)).unwrap();
     let pass = pass.resolve(Overrides::default()).unwrap();

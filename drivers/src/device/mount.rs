@@ -42,7 +42,7 @@ pub enum PierSide {
 }
 
 impl PierSide {
-    /// Its word in files.
+    /// The word for it in files.
     pub fn word(self) -> &'static str {
         match self {
             Self::East => "east",

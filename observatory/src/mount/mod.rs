@@ -51,7 +51,7 @@ const LINE: Duration = Duration::from_millis(999);
 const MINUTE: Duration = Duration::from_secs(60);
 /// Time that parking may take, and two looks, min.
 const PARKS_MIN: f64 = 3.25;
-/// What a plan for a German mount lacks.
+/// A plan for a German mount lacks this.
 const NO_SIDE: &str = "this mount turns over at the meridian, and its camera is upside down after it: on which side of the pier `camera_angle_deg` holds is not said (`camera_angle_pier`, east or west; `pier` in the events of a session): its frames correct nothing";
 /// How far ahead of the Sun a telescope that stands is moved away, min.
 const AHEAD_MIN: f64 = 10.0;

@@ -1,6 +1,6 @@
 //! The side of the pier on which a German mount hangs, and when it has to turn over.
 //!
-//! Its counterweight stays below the telescope: hanging east of the pier it looks west of the meridian (hour angles of 0° to 180°), hanging west it looks east
+//! The counterweight stays below the telescope: hanging east of the pier it looks west of the meridian (hour angles of 0° to 180°), hanging west it looks east
 //! (−180° to 0°). How far past these ends it may go depends on the tube and the pier.
 
 use super::path::{TargetPath, angles, wrapped};

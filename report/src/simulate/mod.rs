@@ -31,7 +31,7 @@ pub struct SimulationReport<'a> {
     pub simulation: &'a Simulation<'a>,
     /// How far it may be off by the doubt of the materials; none where no material says how well it is known.
     pub material: Option<MaterialDoubt>,
-    /// Its polarisation, where that was asked for.
+    /// Polarisation of the light, where that was asked for.
     pub polarisation: Option<Polarisation>,
     /// Cost of the simulation.
     pub cost: Cost,

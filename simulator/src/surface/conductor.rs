@@ -135,7 +135,7 @@ pub struct Conductor {
     /// The Chebyshev points in u, from grazing (0) to normal (1).
     u: Vec<f64>,
     error: f64,
-    /// What its spectra are made of.
+    /// The index that its spectra are made of.
     index: std::sync::Arc<ComplexIndex>,
     quantity: Quantity,
 }

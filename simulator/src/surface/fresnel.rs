@@ -240,7 +240,7 @@ impl Fresnel {
     /// refractive index is not known.
     ///
     /// # Errors
-    /// As of [`Fresnel::conductor`].
+    /// The errors of [`Fresnel::conductor`].
     pub fn difference(&self) -> Result<Option<Self>, MaterialError> {
         let (law, spectra) = match &self.law {
             Law::Dielectric(n) => (Law::DielectricDifference(*n), self.spectra.clone()),

@@ -1,4 +1,4 @@
-//! What of a material's light is polarised, as a material of its own.
+//! The polarised part of a material's light, as a material of its own.
 //!
 //! Microfacets and mirrors turn unpolarised light into light that is polarised perpendicular to the plane of incidence, by (R_s − R_p)/(R_s + R_p). For a distant Sun and
 //! observer the bisector of the two directions is the same on the whole body, and so are that plane and the angle of incidence on all facets that send light to the

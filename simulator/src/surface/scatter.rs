@@ -42,7 +42,7 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     /// The polarised part of its light once unpolarised light was reflected ([`Material::polarised`]).
     ///
     /// # Errors
-    /// As there.
+    /// The errors of that.
     fn polarised(&self, _name: &str) -> Result<PolarisedPart, MaterialError> {
         Ok(PolarisedPart::Unknown)
     }
