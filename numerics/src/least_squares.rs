@@ -186,6 +186,18 @@ pub trait Residuals {
     /// # Errors
     /// No model there.
     fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, Self::Error>;
+
+    /// Returns the derivative of the residuals by a number where it is known without differences. It is asked for at numbers whose residuals were the last that were asked for, or at others.
+    ///
+    /// # Errors
+    /// No model there.
+    fn derivative(
+        &mut self,
+        _at: &[f64],
+        _number: usize,
+    ) -> Result<Option<DVector<f64>>, Self::Error> {
+        Ok(None)
+    }
 }
 
 /// Method by which derivatives are taken.
@@ -223,7 +235,16 @@ impl<R: Residuals> Numerical<'_, R> {
     fn derivatives(&mut self, place: &Fitted) -> Result<DMatrix<f64>, R::Error> {
         let (rows, count) = (place.residuals.len(), self.numbers.len());
         let mut jacobian = DMatrix::zeros(rows, count);
-        for (k, number) in self.numbers.iter().enumerate().filter(|(_, n)| !n.fixed) {
+        // What is known comes first: the model still stands at this place then.
+        let mut known = vec![false; count];
+        for (k, known) in known.iter_mut().enumerate().filter(|(k, _)| !self.numbers[*k].fixed) {
+            if let Some(slope) = self.model.derivative(&place.at, k)? {
+                jacobian.set_column(k, &slope);
+                *known = true;
+            }
+        }
+        let asked = |(k, n): &(usize, &Bounded)| !n.fixed && !known[*k];
+        for (k, number) in self.numbers.iter().enumerate().filter(asked) {
             let mut beside = |step: f64| -> Result<(f64, DVector<f64>), R::Error> {
                 let mut at = place.at.clone();
                 at[k] += step;

@@ -102,6 +102,14 @@ pub enum PassFitError {
         /// The parameter.
         name: String,
     },
+    /// A normal that cannot be searched for.
+    #[error("normal.{part}: {why}")]
+    Normal {
+        /// The part.
+        part: String,
+        /// Why.
+        why: String,
+    },
     /// Zero points of rates.
     #[error(
         "zero_point: rates of the schema have none: free `gain` (with --per-pass), or fit magnitudes"

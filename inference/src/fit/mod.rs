@@ -28,6 +28,7 @@ mod answer;
 mod error;
 mod found;
 mod materials;
+mod normals;
 mod options;
 mod parameters;
 
@@ -40,9 +41,11 @@ pub use options::{FitOptions, LeaveOut};
 pub use parameters::FreeParameter;
 
 use crate::measured::{CurveOfScene, V, channels, pass_of, place, prepared};
-use crate::solver::{self, Data, Fit, Free, Options, ParameterKind, StudyModel, Unit};
+use crate::solver::{
+    self, Data, Fit, Free, Linear, Options, ParameterKind, Purpose, Search, StudyModel, Unit,
+};
 use found::{Bouncing, OfCurve, fitted_scenes, spectra_of};
-use parameters::{CurveSide, Parameters};
+use parameters::{CurveSide, Normal, Parameters};
 use std::time::Instant;
 use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_radiometry::light_curve::Input;
@@ -54,6 +57,8 @@ use sunglint_simulator::target::Shape;
 const THINNED: f64 = 0.3;
 /// Part of the best sample's uncertainty that the light of an exposure's middle may be off from the mean.
 const AVERAGED_SIGMAS: f64 = 0.1;
+/// Steps of a descent from a proposed normal, at most, which is for telling proposals apart.
+const STEPS_OF_A_PROPOSAL: usize = 4;
 /// How often such epochs, and moments within exposures, are added where a fit ended.
 const REFINED: usize = 3;
 
@@ -84,7 +89,9 @@ fn studies_of(
 }
 
 /// The search and what follows it: a fit again from where one ended.
-struct Search<'a> {
+struct Searching<'a> {
+    curves: &'a [CurveOfScene],
+    channels: &'a [String],
     data: &'a [Data],
     parameters: &'a Parameters,
     options: Options,
@@ -93,17 +100,26 @@ struct Search<'a> {
     progress: &'a dyn Progress,
 }
 
-impl Search<'_> {
+impl Searching<'_> {
     fn run(
         &self,
         model: &mut StudyModel,
         free: &[Free],
         options: &Options,
     ) -> Result<Fit, PassFitError> {
+        self.run_with(model, free, &self.parameters.linear, options)
+    }
+
+    fn run_with(
+        &self,
+        model: &mut StudyModel,
+        free: &[Free],
+        linear: &[Linear],
+        options: &Options,
+    ) -> Result<Fit, PassFitError> {
         if self.progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        let linear = &self.parameters.linear;
         let mut tell = |at: solver::Progress| {
             let solver::Progress { stage, evaluations, chi2 } = at;
             self.progress
@@ -112,12 +128,93 @@ impl Search<'_> {
         Ok(solver::fit(self.data, model, free, linear, options, &mut tell)?)
     }
 
+    /// Searches for normals of parts, one after the other, and then for everything from there.
+    fn with_normals(&self, model: &mut StudyModel) -> Result<Fit, PassFitError> {
+        let Parameters { normals, .. } = self.parameters;
+        let on_the_way = Options { purpose: Purpose::Start, shakes: 0, ..self.options.clone() };
+        let mut fit = self.run_hidden(model, &self.parameters.free, normals, &on_the_way)?;
+        let iterations = STEPS_OF_A_PROPOSAL.min(on_the_way.iterations);
+        let near = Options { places: 0, starts: 0, iterations, ..on_the_way };
+        for (k, normal) in normals.iter().enumerate() {
+            self.progress.status(&format!("normal of {}", normal.part));
+            let proposals = normals::propose(
+                self.curves,
+                self.data,
+                model,
+                self.parameters,
+                self.channels,
+                &fit,
+                normal,
+            )?;
+            let mut best: Option<(f64, Fit)> = None;
+            for proposal in &proposals {
+                let mut free = self.from(&fit);
+                free[normal.angles[0]].start = proposal.azimuth_deg;
+                free[normal.angles[1]].start = proposal.tilt_deg;
+                if let (Some(rough), Some((k, _))) = (proposal.roughness, &normal.roughness) {
+                    free[*k].start = rough.clamp(free[*k].low, free[*k].high);
+                }
+                // Nodes that were chosen without the glint would step over it.
+                let there: Vec<f64> = free.iter().map(|f| f.start).collect();
+                model.average(&there, &self.middles)?;
+                model.thin(&there, THINNED)?;
+                // The normals before stay where they are until all are there.
+                let before = normals[..k]
+                    .iter()
+                    .flat_map(|n| n.angles.into_iter().chain(n.roughness.iter().map(|(k, _)| *k)));
+                before.for_each(|k| free[k].search = Search::Nowhere);
+                let found = self.run_hidden(model, &free, &normals[k + 1..], &near)?;
+                let cost = cost(&found);
+                if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                    best = Some((cost, found));
+                }
+            }
+            // Where no normal helps, the part keeps that of the scene.
+            fit = match best {
+                Some((_, found)) => found,
+                None => self.run_hidden(model, &self.from(&fit), &normals[k + 1..], &near)?,
+            };
+        }
+        let last = Options { places: 0, starts: 0, shakes: 0, ..self.options.clone() };
+        let evaluations = fit.evaluations;
+        let mut fit = self.run_with(model, &self.from(&fit), &self.parameters.linear, &last)?;
+        fit.evaluations += evaluations;
+        Ok(fit)
+    }
+
+    /// Fits with some parts without light and their normals where they stand.
+    fn run_hidden(
+        &self,
+        model: &mut StudyModel,
+        free: &[Free],
+        hidden: &[Normal],
+        options: &Options,
+    ) -> Result<Fit, PassFitError> {
+        let (mut free, mut linear) = (free.to_vec(), self.parameters.linear.clone());
+        for normal in hidden {
+            let roughness = normal.roughness.iter().map(|(k, _)| *k);
+            normal
+                .angles
+                .into_iter()
+                .chain(roughness)
+                .for_each(|k| free[k].search = Search::Nowhere);
+            normal.linear.iter().for_each(|k| linear[*k].most = Some(0.0));
+        }
+        self.run_with(model, &free, &linear, options)
+    }
+
+    /// What is searched for, begun where a fit ended.
+    fn from(&self, fit: &Fit) -> Vec<Free> {
+        (self.parameters.free.iter().zip(&fit.parameters))
+            .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
+            .collect()
+    }
+
     /// Fits again, from what a fit found.
     fn again(&self, model: &mut StudyModel, fit: &Fit) -> Result<Fit, PassFitError> {
-        let again: Vec<Free> = (self.parameters.free.iter().zip(&fit.parameters))
-            .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
-            .collect();
-        let near = Options { places: 0, starts: 0, ..self.options.clone() };
+        let again = self.from(fit);
+        let shakes = usize::from(self.parameters.normals.is_empty());
+        let near = Options { places: 0, starts: 0, shakes, ..self.options.clone() };
         let mut next = self.run(model, &again, &near)?;
         next.evaluations += fit.evaluations;
         // Other minima are those of the search.
@@ -136,7 +233,10 @@ impl Search<'_> {
         let begin: Vec<f64> = free.iter().map(|f| f.start).collect();
         let mut averaged = model.average(&begin, &self.middles)?;
         let mut nodes = model.thin(&begin, THINNED)?;
-        let mut fit = self.run(model, free, &self.options)?;
+        let mut fit = match self.parameters.normals.is_empty() {
+            true => self.run(model, free, &self.options)?,
+            false => self.with_normals(model)?,
+        };
         for _ in 0..REFINED {
             // What was smooth where the search began may not be so where it ended. What is linear moves no light.
             if free.is_empty() {
@@ -252,10 +352,20 @@ fn fit_without(
     let tolerance = |k: usize| model.study(k).map_or(0.0, |s| s.pass().tolerance);
     let middles =
         data.iter().enumerate().map(|(k, data)| middle_may_err(data, tolerance(k))).collect();
-    let search = Search {
+    // What is left out is predicted by values alone; light between parts settles by uncertainties.
+    let values = !without.is_empty() && !bouncing.contains(&true);
+    // Every step along a profile is a search of all normals.
+    let purpose = match (values, parameters.normals.is_empty()) {
+        (true, _) => Purpose::Values,
+        (false, true) => Purpose::Answer,
+        (false, false) => Purpose::Covariance,
+    };
+    let search = Searching {
+        curves,
+        channels: &channels,
         data: &data,
         parameters: &parameters,
-        options: options.solver(),
+        options: Options { purpose, ..options.solver() },
         middles,
         progress,
     };
@@ -402,6 +512,17 @@ fn middle_may_err(data: &Data, tolerance: f64) -> f64 {
     let relative = used.map(|(_, (sigma, rate))| sigma / rate.abs().max(*sigma));
     let best = relative.filter(|r| r.is_finite()).fold(1.0, f64::min);
     (AVERAGED_SIGMAS * best).max(THINNED * tolerance)
+}
+
+/// Sum of Huber's loss over the samples of a fit: outliers of other fits do not decide between them.
+fn cost(fit: &Fit) -> f64 {
+    const HUBER: f64 = 1.345;
+    let pulls = fit.curves.iter().flat_map(|c| &c.pull).filter(|p| p.is_finite());
+    let one = |p: &f64| match p.abs() {
+        p if p <= HUBER => p * p,
+        p => HUBER * (2.0 * p - HUBER),
+    };
+    pulls.map(one).sum()
 }
 
 /// Values of what was searched for.

@@ -62,7 +62,7 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        let Options { loss, places, starts, seed, iterations } = Options::default();
+        let Options { loss, places, starts, seed, iterations, .. } = Options::default();
         Self {
             free: Vec::new(),
             per_pass: Vec::new(),
@@ -145,6 +145,7 @@ impl FitOptions {
             starts: self.starts,
             seed: self.seed,
             iterations: self.iterations,
+            ..Options::default()
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Free parameters, by name: numbers of the scene, reflectances of materials, offsets, extinction.
 
 use super::PassFitError;
+use super::normals::plate;
 use crate::scene::Scene;
 use crate::solver::{
-    Component, Extinction, Free, Law, Linear, Prior, Shaping, StudyModel, Unit, ZeroPoint,
+    Component, Extinction, Free, Law, Linear, Prior, Search, Shaping, StudyModel, Unit, ZeroPoint,
     band_mean,
 };
 use std::collections::BTreeSet;
@@ -108,9 +109,30 @@ pub(super) struct Parameters {
     roles: Vec<(Role, Option<usize>)>,
     /// Material of each parameter that is solved for, and its channel (`None`: all alike).
     pub scales: Vec<(String, Option<usize>)>,
+    /// Normals that are searched for.
+    pub normals: Vec<Normal>,
     /// Largest albedo, and largest reflectance of what is scaled.
     largest_albedo: f64,
 }
+
+/// A flat part whose normal is searched for.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Normal {
+    pub part: String,
+    /// Material of the part, of which nothing else is made.
+    pub material: String,
+    /// Numbers of the parameters that are its azimuth and its tilt.
+    pub angles: [usize; 2],
+    /// Number of the parameter that is the material's roughness, and its name in the scene; `None` where it is not free.
+    pub roughness: Option<(usize, String)>,
+    /// Numbers of the linear parameters of its light.
+    pub linear: Vec<usize>,
+    /// Largest factor of its light.
+    pub most: f64,
+}
+
+/// Keys of a material that are the roughness of its lobe.
+const ROUGHNESS: [&str; 2] = ["alpha", "slope_rms"];
 
 /// Names that are no numbers of the scene.
 fn special(channels: &[String], sides: &[CurveSide]) -> Vec<String> {
@@ -124,6 +146,9 @@ fn special(channels: &[String], sides: &[CurveSide]) -> Vec<String> {
         names.push(format!("scale.{material}"));
     }
     names.extend(channels.iter().map(|c| format!("extinction.{c}")));
+    let target = &sides[0].study.pass().target;
+    let flat = target.parts.iter().filter(|p| plate(target, &p.name).is_ok());
+    names.extend(flat.map(|p| format!("normal.{}", p.name)));
     names
 }
 
@@ -170,7 +195,100 @@ impl Parameters {
                 all.add(want, curve, channels, sides)?;
             }
         }
+        all.hang_together()?;
         Ok(all)
+    }
+
+    /// The two angles of a part's normal.
+    fn normal(
+        &mut self,
+        part: &str,
+        want: &FreeParameter,
+        sides: &[CurveSide],
+    ) -> Result<(), PassFitError> {
+        let wrong = |why: String| PassFitError::Normal { part: part.to_owned(), why };
+        if want.range.is_some() || want.prior.is_some() {
+            let why =
+                "a normal is searched for over the whole sphere: it has no range and no prior";
+            return Err(wrong(why.into()));
+        }
+        let target = &sides[0].study.pass().target;
+        let (_, _, material) = plate(target, part).map_err(wrong)?;
+        let others = target.parts.iter().filter(|p| p.name != part);
+        if let Some(other) =
+            others.into_iter().find(|p| target.materials[p.material].name == material)
+        {
+            return Err(wrong(format!(
+                "{} is made of {material} too: its light is found beside that of all others, so it needs a material of its own",
+                other.name
+            )));
+        }
+        let key = |k: usize| format!("part.{part}.euler_zyx_deg.{k}");
+        let angle = |side: &CurveSide, k: usize| side.scene.get(&key(k));
+        for side in sides {
+            if angle(side, 0).is_none() || angle(side, 2) != Some(0.0) {
+                let path = side.scene.path.display();
+                return Err(wrong(format!(
+                    "the scene must name the part's turn as two angles, azimuth and tilt: euler_zyx_deg = [0, 0, 0] ({path})"
+                )));
+            }
+        }
+        let mut angles = [0; 2];
+        for (k, (word, low, high)) in
+            [("azimuth_deg", -180.0, 180.0), ("tilt_deg", 0.0, 180.0)].into_iter().enumerate()
+        {
+            let start = angle(&sides[0], k).unwrap_or_default();
+            let name = format!("normal.{part}.{word}");
+            let wraps = k == 0;
+            let start = if wraps { (start + 180.0).rem_euclid(360.0) - 180.0 } else { start };
+            if !(low..=high).contains(&start) {
+                return Err(PassFitError::Outside { name, start, low, high });
+            }
+            angles[k] = self.free.len();
+            let (step, prior, search) = (STEP * (high - low), None, Search::Everywhere);
+            self.free.push(Free { name, start, low, high, step, wraps, prior, search });
+            self.roles.push((Role::Key(key(k)), None));
+        }
+        let material = material.to_owned();
+        let (linear, roughness) = (Vec::new(), None);
+        let part = part.to_owned();
+        self.normals.push(Normal {
+            part,
+            material,
+            angles,
+            roughness,
+            linear,
+            most: f64::INFINITY,
+        });
+        Ok(())
+    }
+
+    /// Finds which other parameters belong to the normals.
+    fn hang_together(&mut self) -> Result<(), PassFitError> {
+        for normal in &mut self.normals {
+            let own = |k: &usize| self.scales[*k].0 == normal.material;
+            normal.linear = (0..self.linear.len()).filter(own).collect();
+            if normal.linear.is_empty() {
+                return Err(PassFitError::Normal {
+                    part: normal.part.clone(),
+                    why: format!(
+                        "how much it reflects must be free, too: --free albedo.{}",
+                        normal.material
+                    ),
+                });
+            }
+            let most = |k: &usize| {
+                self.linear[*k].most.map_or(f64::INFINITY, |m| m / self.linear[*k].unit)
+            };
+            normal.most = normal.linear.iter().map(most).fold(f64::INFINITY, f64::min);
+            let keys = ROUGHNESS.map(|key| format!("material.{}.{key}", normal.material));
+            normal.roughness =
+                self.roles.iter().enumerate().find_map(|(k, (role, _))| match role {
+                    Role::Key(key) if keys.contains(key) => Some((k, key.clone())),
+                    _ => None,
+                });
+        }
+        Ok(())
     }
 
     fn add(
@@ -191,6 +309,14 @@ impl Parameters {
             let left = rest.strip_prefix(found.as_str())?.strip_prefix('.');
             Some((found.clone(), left.map(str::to_owned)))
         };
+        if let Some(part) = name.strip_prefix("normal.") {
+            if curve.is_some() {
+                let why =
+                    "a body has one normal for all curves: it cannot differ from pass to pass";
+                return Err(PassFitError::Normal { part: part.to_owned(), why: why.into() });
+            }
+            return self.normal(part, want, sides);
+        }
         if name == "zero_point" {
             return self.zero_points(want, sides);
         }
@@ -260,7 +386,7 @@ impl Parameters {
             step: STEP * (high - low),
             wraps: turn,
             prior: want.prior,
-            local: false,
+            search: Search::Everywhere,
         });
         self.roles.push((role, curve));
         Ok(())
@@ -292,9 +418,8 @@ impl Parameters {
                 let step = STEP * (high - low);
                 let name = per_curve(&name, Some(k));
                 let prior = Some(prior);
-                let free =
-                    Free { name, start: 0.0, low, high, step, wraps: false, prior, local: true };
-                self.free.push(free);
+                let (start, search) = (0.0, Search::Near);
+                self.free.push(Free { name, start, low, high, step, wraps: false, prior, search });
                 let samples = (0..n).map(|i| camera(i) == one).collect();
                 self.roles.push((Role::ZeroPoint(samples), Some(k)));
             }

@@ -3,7 +3,7 @@
 use super::normal::{Quadratic, inverse};
 use super::problem::{Problem, State, Which};
 use super::response::Response;
-use super::{Estimate, FitError, IntervalMethod, ParameterKind, Side, Warning};
+use super::{Estimate, FitError, IntervalMethod, ParameterKind, Search, Side, Warning};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use sunglint_numerics::bounded::BoundedError;
@@ -16,6 +16,8 @@ pub(super) const CHI95: f64 = 3.841_458_820_694_124;
 const NEAR: f64 = 2.0;
 /// Part of its prior's standard deviation above which an uncertainty is the prior's.
 const PRIOR_ALONE: f64 = 0.95;
+/// The end of an interval is found to this part of its distance, where χ² is a parabola.
+const ON_THE_EDGE: f64 = 0.01;
 /// Correlations above this are named.
 const CORRELATED: f64 = 0.98;
 
@@ -24,16 +26,18 @@ pub(super) struct Known {
     pub estimates: Vec<Estimate>,
     /// Parameters × parameters, the calibration's part in it; NaN rows where a bound holds.
     pub covariance: DMatrix<f64>,
-    pub response: Response,
+    /// `None` of values alone.
+    pub response: Option<Response>,
     pub warnings: Vec<Warning>,
 }
 
-/// `scale` multiplies the covariance of the samples' noise. The whitener must be one without weights.
+/// `scale` multiplies the covariance of the samples' noise. Without `profiles` no interval of what is searched for is gone through. The whitener must be one without weights.
 pub(super) fn estimate(
     problem: &mut Problem,
     values: &[f64],
     state: &State,
     scale: f64,
+    profiles: bool,
 ) -> Result<Known, FitError> {
     let (n_free, n_linear) = (problem.free.len(), problem.linear.len());
     let n = n_free + n_linear;
@@ -135,8 +139,8 @@ pub(super) fn estimate(
     let (mut reach_low, mut reach_high) =
         (vec![f64::INFINITY; n_linear], vec![f64::NEG_INFINITY; n_linear]);
     for k in 0..n_free {
-        // The logarithm of the light is linear in a local parameter with its prior: the covariance is enough.
-        if problem.free[k].local && problem.free[k].prior.is_some() {
+        // The logarithm of the light is linear in a small correction with its prior: the covariance is enough.
+        if !profiles || problem.free[k].search == Search::Near && problem.free[k].prior.is_some() {
             continue;
         }
         // At a bound, and where nothing changes at first, there is no covariance: steps of a part of the range do.
@@ -265,7 +269,7 @@ pub(super) fn estimate(
         warnings.push(Warning::ByPrior { names: by_prior });
     }
     let covariance = DMatrix::from_fn(n, n, |i, j| total[(i, j)] * unit(i) * unit(j));
-    Ok(Known { estimates, covariance, response, warnings })
+    Ok(Known { estimates, covariance, response: Some(response), warnings })
 }
 
 /// The pseudo-inverse, of a matrix whose columns may differ in scale.
@@ -342,24 +346,49 @@ fn walk(
         let bound = if sign < 0.0 { bounds[k].0 } else { bounds[k].1 };
         let furthest =
             if bounds[k].2 { 0.5 * (bounds[k].1 - bounds[k].0) } else { (bound - values[k]).abs() };
-        let (mut near, mut far) = (0.0, reach.min(furthest));
+        // The root of the rise over that of `most`, less 1: it is nearly linear in the distance.
+        let over = |rise: f64| (rise.max(0.0) / most).sqrt() - 1.0;
+        let (mut near, mut far) = ((0.0, -1.0), (reach.min(furthest), 0.0));
         let mut open = false;
-        while rise(problem, sign * far)? < most {
-            if far >= furthest {
+        loop {
+            far.1 = over(rise(problem, sign * far.0)?);
+            if far.1 >= 0.0 {
+                break;
+            }
+            if far.0 >= furthest {
                 open = true;
                 break;
             }
-            (near, far) = (far, (1.6 * far).min(furthest));
+            (near, far.0) = (far, (1.6 * far.0).min(furthest));
         }
         if open {
             *end = values[k] + sign * furthest;
             continue;
         }
+        // Regula falsi; an end that stays twice counts half (Dowell and Jarratt 1971: the Illinois method).
+        let mut stayed = 0_i32;
         for _ in 0..7 {
-            let middle = 0.5 * (near + far);
-            if rise(problem, sign * middle)? < most { near = middle } else { far = middle }
+            if far.1.min(-near.1) < ON_THE_EDGE {
+                break;
+            }
+            let middle = near.0 + (far.0 - near.0) * near.1 / (near.1 - far.1);
+            let at = over(rise(problem, sign * middle)?);
+            if at < 0.0 {
+                near = (middle, at);
+                if stayed < 0 {
+                    far.1 *= 0.5;
+                }
+                stayed = -1;
+            } else {
+                far = (middle, at);
+                if stayed > 0 {
+                    near.1 *= 0.5;
+                }
+                stayed = 1;
+            }
         }
-        *end = values[k] + sign * far;
+        let edge = if far.1 <= -near.1 { far.0 } else { near.0 };
+        *end = values[k] + sign * edge;
     }
     Ok(Some((ends, path)))
 }
@@ -378,21 +407,10 @@ fn jacobian(
     let mut jacobian = DMatrix::zeros(problem.rows(), n_free + n_linear);
     let priors = problem.priors();
     for k in 0..n_free {
-        let (low, high, wraps, step) = {
-            let f = &problem.free[k];
-            (f.low, f.high, f.wraps, f.step)
+        let mut slope = match problem.slope(values, k, &state.rates) {
+            Some(slope) => slope,
+            None => differences(problem, values, state, k)?,
         };
-        let end = |v: f64| if wraps { v } else { v.clamp(low, high) };
-        let ends = [end(values[k] - step), end(values[k] + step)];
-        let mut sides = Vec::with_capacity(2);
-        for end in ends {
-            let mut there = values.to_vec();
-            there[k] = end;
-            let columns = problem.columns(&there)?;
-            let rates = problem.rates(&columns, state.x.as_slice());
-            sides.push(problem.whitened(&rates));
-        }
-        let mut slope = (&sides[1] - &sides[0]) / (ends[1] - ends[0]);
         for (row, known) in (problem.whitener.rows..).zip(&priors) {
             if known.which == Which::Free(k) {
                 slope[row] = known.prior.sigma.recip();
@@ -428,6 +446,30 @@ fn pull(
         }
     }
     pull
+}
+
+/// Derivative of the whitened rates by a parameter, by differences to both sides.
+fn differences(
+    problem: &mut Problem,
+    values: &[f64],
+    state: &State,
+    k: usize,
+) -> Result<DVector<f64>, FitError> {
+    let (low, high, wraps, step) = {
+        let f = &problem.free[k];
+        (f.low, f.high, f.wraps, f.step)
+    };
+    let end = |v: f64| if wraps { v } else { v.clamp(low, high) };
+    let ends = [end(values[k] - step), end(values[k] + step)];
+    let mut sides = Vec::with_capacity(2);
+    for end in ends {
+        let mut there = values.to_vec();
+        there[k] = end;
+        let columns = problem.columns(&there)?;
+        let rates = problem.rates(&columns, state.x.as_slice());
+        sides.push(problem.whitened(&rates));
+    }
+    Ok((&sides[1] - &sides[0]) / (ends[1] - ends[0]))
 }
 
 /// Returns the covariance of the parameters by the calibration's errors: an error ε of ln κ changes the data by ε times the rate, and the parameters by the

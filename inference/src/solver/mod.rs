@@ -39,9 +39,9 @@ mod study;
 mod whiten;
 
 pub use data::{CalibrationError, Data};
-pub use problem::{Columns, Free, Linear, Model, ModelError, Prior};
+pub use problem::{Columns, Free, Linear, Model, ModelError, Prior, Search};
 pub use residuals::{Summary, summaries};
-pub use run::{Loss, Options, Progress, fit};
+pub use run::{Loss, Options, Progress, Purpose, fit};
 pub use study::{
     Component, Extinction, Law, Shaping, StudyModel, Unit, ZeroPoint, airmasses, band_mean,
     band_weights,
@@ -326,9 +326,9 @@ pub struct Fit {
     /// The curves.
     #[serde(skip)]
     pub curves: Vec<FittedCurve>,
-    /// How the parameters answer to a change of the data.
+    /// How the parameters answer to a change of the data; `None` of values alone.
     #[serde(skip)]
-    response: response::Response,
+    response: Option<response::Response>,
 }
 
 impl Fit {

@@ -4,7 +4,11 @@ use super::whiten::{PerSample, Whitener};
 use super::{Data, FitError};
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, Array3};
+use sunglint_numerics::basis::Basis;
 use sunglint_numerics::bounded::{BoundedSystem, Region};
+
+/// A column of which less than this stands upright on the others is their combination.
+const PARALLEL: f64 = 1e-10;
 
 /// Prediction of a model for one curve: rate = `fixed` + Σ_k coefficient_k `columns`_k. A component without a linear parameter has the coefficient 1.
 #[derive(Debug, Clone)]
@@ -27,6 +31,11 @@ pub trait Model {
     /// # Errors
     /// Values for which there is no model.
     fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, ModelError>;
+
+    /// Returns the derivative of the logarithm of all rates of each curve, epochs × channels, by a parameter that does nothing but multiply them; `None` for any other.
+    fn log_derivative(&self, _values: &[f64], _parameter: usize) -> Option<Vec<Array2<f64>>> {
+        None
+    }
 }
 
 /// A parameter that is not linear.
@@ -46,8 +55,20 @@ pub struct Free {
     pub wraps: bool,
     /// Knowledge of the parameter from elsewhere, beside its bounds.
     pub prior: Option<Prior>,
-    /// Whether it keeps its start while places over the box are looked at: a small correction, which is found wherever the rest stands.
-    pub local: bool,
+    /// Where it is searched for.
+    pub search: Search,
+}
+
+/// Where a parameter that is not linear is searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Search {
+    /// Over the whole box.
+    #[default]
+    Everywhere,
+    /// Near its start: a small correction, which is found wherever the rest stands.
+    Near,
+    /// Nowhere: it keeps its start. For a fit from which another begins ([`super::Purpose::Start`]).
+    Nowhere,
 }
 
 /// Normal distribution of a parameter that is known from elsewhere: it counts as one more sample.
@@ -73,7 +94,16 @@ impl Free {
     /// A parameter between bounds, with steps of a 10,000th of their distance.
     pub fn new(name: impl Into<String>, start: f64, low: f64, high: f64) -> Self {
         let step = 1e-4 * (high - low);
-        Self { name: name.into(), start, low, high, step, wraps: false, prior: None, local: false }
+        Self {
+            name: name.into(),
+            start,
+            low,
+            high,
+            step,
+            wraps: false,
+            prior: None,
+            search: Search::Everywhere,
+        }
     }
 }
 
@@ -120,6 +150,8 @@ pub(super) struct Problem<'a> {
     /// The linear parameter of each curve's channel and component.
     owner: Vec<Array2<Option<usize>>>,
     pub evaluations: usize,
+    /// Relative gain of χ² below which a descent ends; `None` for what the kind of differences allows.
+    pub gain: Option<f64>,
     /// Linear parameters that are kept at the model's own values, since the data do not constrain them.
     pub kept: Vec<bool>,
 }
@@ -203,6 +235,7 @@ impl<'a> Problem<'a> {
             whitener,
             owner,
             evaluations: 0,
+            gain: None,
             kept: vec![false; linear.len()],
         })
     }
@@ -321,6 +354,35 @@ impl<'a> Problem<'a> {
         let chi2 = residual.norm_squared();
         let rates = self.rates(&columns, x.as_slice());
         Ok(State { x, residual, chi2, design, rates })
+    }
+
+    /// Returns the derivative of the whitened rates by a parameter that multiplies them, without evaluations; `None` for any other. Rows of priors are 0.
+    pub fn slope(
+        &self,
+        values: &[f64],
+        parameter: usize,
+        rates: &PerSample,
+    ) -> Option<DVector<f64>> {
+        let logarithmic = self.model.log_derivative(values, parameter)?;
+        let slopes: PerSample = rates.iter().zip(&logarithmic).map(|(r, l)| r * l).collect();
+        Some(self.whitened(&slopes))
+    }
+
+    /// Whether a parameter does nothing but multiply rates.
+    pub fn multiplies(&self, values: &[f64], parameter: usize) -> bool {
+        self.model.log_derivative(values, parameter).is_some()
+    }
+
+    /// Returns a basis of the columns of the linear parameters that are free between their bounds at a place.
+    pub fn in_use(&self, state: &State) -> Basis {
+        let mut basis = Basis::default();
+        for (p, column) in state.design.column_iter().enumerate() {
+            if !self.kept[p] && state.x[p] > 0.0 && state.x[p] < self.highest(p) {
+                let column: Vec<f64> = column.iter().copied().collect();
+                basis.push(&column, PARALLEL);
+            }
+        }
+        basis
     }
 
     /// The largest coefficient of a linear parameter.

@@ -44,8 +44,9 @@ impl Fit {
     /// Carries errors of the model's light into the parameters: `changes` holds, by material, one standard deviation of the rates of each curve (epochs × channels), all samples off alike. Different materials
     /// are independent. Standard uncertainties, intervals and the covariance grow by it. What a free parameter takes up of an error, such as the albedo of the material itself, moves that parameter and no other.
     pub fn add_materials(&mut self, changes: &[(String, PerSample)]) {
+        let Some(response) = &self.response else { return };
         let shifts: Vec<Vec<f64>> =
-            changes.iter().map(|(_, change)| self.response.shift(change)).collect();
+            changes.iter().map(|(_, change)| response.shift(change)).collect();
         let n = self.parameters.len();
         for i in 0..n {
             for j in 0..n {
@@ -53,7 +54,7 @@ impl Fit {
                 self.covariance[i][j] += sum;
             }
             let sigma = shifts.iter().map(|s| s[i] * s[i]).sum::<f64>().sqrt();
-            widen(&mut self.parameters[i], sigma, self.response.bounds[i]);
+            widen(&mut self.parameters[i], sigma, response.bounds[i]);
         }
     }
 }

@@ -1,19 +1,24 @@
 //! The way through a fit.
 
-use super::estimate::{CHI95, estimate};
+use super::estimate::{CHI95, Known, estimate};
 use super::problem::{Problem, State};
 use super::search::{self, Found, Held};
 use super::whiten::{PerSample, Whitener};
 use super::{
     Data, Estimate, Fit, FitError, FittedCurve, Free, IntervalMethod, Linear, Minimum, Model,
-    Warning,
+    ParameterKind, Search, Warning,
 };
+use nalgebra::DMatrix;
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 use sunglint_numerics::order::robust_sigma;
 
 /// Rounds of weights that follow the model, at most.
 const ROUNDS: usize = 15;
+/// The same of a fit from which another begins.
+const ROUNDS_OF_A_START: usize = 2;
+/// Relative gain of χ² below which a descent ends where one more costs a search of normals: of χ² of some thousands a part of one.
+const COARSE: f64 = 1e-4;
 /// Weights have settled where the model's rates change by less than this part of the noise.
 const SETTLED: f64 = 0.01;
 /// Minima nearer than this, in units of the box, are one.
@@ -26,9 +31,8 @@ const SIMPLEX: u64 = 30;
 const SIMPLEX_SIZE: f64 = 0.05;
 /// How many of the simplices' ends are polished.
 const POLISHED: usize = 3;
-/// Sizes of simplices about the best minimum, and how often all of them are tried at most.
+/// Sizes of simplices about the best minimum.
 const SHAKEN: [f64; 3] = [0.02, 0.006, 0.002];
-const SHAKES: usize = 6;
 /// Iterations of the first descent from a start, which is for telling starts apart.
 const FIRST: usize = 15;
 /// Residuals above this reduced χ² are said to be large.
@@ -82,6 +86,20 @@ impl Loss {
     }
 }
 
+/// Purpose of a fit, which decides what it may cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Purpose {
+    /// Values, uncertainties and intervals.
+    #[default]
+    Answer,
+    /// Values and uncertainties; intervals by the covariance alone, where a profile would cost too much.
+    Covariance,
+    /// Values alone: they predict something.
+    Values,
+    /// A place from which another fit begins: two rounds of weights, one-sided differences.
+    Start,
+}
+
 /// How a fit is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -95,11 +113,24 @@ pub struct Options {
     pub seed: u64,
     /// Iterations of a descent to the bottom of a minimum, at most; with 0 nothing descends, and no fit with what is not linear converges.
     pub iterations: usize,
+    /// How often simplices of all sizes look about the best minimum for a deeper one, at most.
+    pub shakes: usize,
+    /// Purpose of the fit.
+    pub purpose: Purpose,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { loss: Loss::default(), places: 128, starts: 8, seed: 0, iterations: 60 }
+        let loss = Loss::default();
+        Self {
+            loss,
+            places: 128,
+            starts: 8,
+            seed: 0,
+            iterations: 60,
+            shakes: 6,
+            purpose: Purpose::Answer,
+        }
     }
 }
 
@@ -128,6 +159,10 @@ pub fn fit(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Fit, FitError> {
     let mut problem = Problem::new(data, model, free, linear)?;
+    problem.gain = match options.purpose {
+        Purpose::Answer => None,
+        Purpose::Covariance | Purpose::Values | Purpose::Start => Some(COARSE),
+    };
     let most = options.iterations;
     let start = search::start(&problem);
     let first = problem.evaluate(&search::values(&problem, &start))?;
@@ -161,8 +196,8 @@ pub fn fit(
             let mut found = search::polish(&mut problem, &near.at, most, false, Held::None)?;
             tell("search", &problem, found.chi2);
             if k == 0 && search::over_the_box(&problem) > 1 {
-                found = shaken(&mut problem, found, most, &mut tell)?;
-                if problem.free.iter().any(|f| f.local) {
+                found = shaken(&mut problem, found, options, &mut tell)?;
+                if problem.free.iter().any(|f| f.search == Search::Near) {
                     let all = search::polish(&mut problem, &found.at, most, false, Held::None)?;
                     found = if all.chi2 <= found.chi2 { all } else { found };
                 }
@@ -182,9 +217,10 @@ pub fn fit(
     // The noise by the model's rates, and what the loss makes of outliers, until both stand still.
     let mut best = minima[0].clone();
     if options.loss == Loss::Tukey {
-        settle(&mut problem, &mut best, Loss::Huber, most, &mut tell)?;
+        settle(&mut problem, &mut best, Loss::Huber, options, &mut tell)?;
     }
-    let (mut state, mut settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
+    let (mut state, mut settled) =
+        settle(&mut problem, &mut best, options.loss, options, &mut tell)?;
     // By that noise another minimum may be the better one.
     let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
     let mut others = Vec::new();
@@ -198,11 +234,11 @@ pub fn fit(
     if let Some(k) = (0..others.len()).find(|k| others[*k].chi2 < state.chi2 - 1e-3) {
         others.push(std::mem::replace(&mut best, others[k].clone()));
         others.swap_remove(k);
-        (state, settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
+        (state, settled) = settle(&mut problem, &mut best, options.loss, options, &mut tell)?;
     }
     let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
-    if problem.keep_unconstrained(&state, scale * CHI95)? {
-        (state, settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
+    if options.purpose != Purpose::Start && problem.keep_unconstrained(&state, scale * CHI95)? {
+        (state, settled) = settle(&mut problem, &mut best, options.loss, options, &mut tell)?;
     }
     finish(problem, best, state, settled, others, options)
 }
@@ -211,16 +247,17 @@ pub fn fit(
 fn shaken(
     problem: &mut Problem,
     mut best: Found,
-    most: usize,
+    options: &Options,
     tell: &mut dyn FnMut(&'static str, &Problem, f64),
 ) -> Result<Found, FitError> {
     let rounds = SIMPLEX * search::over_the_box(problem) as u64 / 2;
-    for _ in 0..SHAKES {
+    for _ in 0..options.shakes {
         let before = best.chi2;
         for size in SHAKEN {
             let near = search::simplex(problem, &best.at, size, rounds)?;
             if near.chi2 < best.chi2 - 0.1 {
-                let found = search::polish(problem, &near.at, most, false, Held::Local)?;
+                let found =
+                    search::polish(problem, &near.at, options.iterations, false, Held::Local)?;
                 tell("search", problem, found.chi2);
                 if found.chi2 < best.chi2 {
                     best = found;
@@ -263,11 +300,15 @@ fn settle(
     problem: &mut Problem,
     best: &mut Found,
     loss: Loss,
-    most: usize,
+    options: &Options,
     tell: &mut dyn FnMut(&'static str, &Problem, f64),
 ) -> Result<(State, bool), FitError> {
     let mut state = problem.evaluate(&search::values(problem, &best.at))?;
-    for round in 0..ROUNDS {
+    // On the way to another fit the weights need not be the last word.
+    let start = options.purpose == Purpose::Start;
+    let both = options.purpose == Purpose::Answer;
+    let rounds = if start { ROUNDS_OF_A_START } else { ROUNDS };
+    for round in 0..rounds {
         let weights = weights(problem.data, &state.rates, loss);
         let whitener = Whitener::new(problem.data, Some(&state.rates), weights.as_ref());
         if whitener.rows <= problem.free.len() + problem.linear.len() {
@@ -277,7 +318,7 @@ fn settle(
         problem.whitener = whitener;
         if !problem.free.is_empty() {
             let converged = best.converged;
-            *best = search::polish(problem, &best.at, most, true, Held::None)?;
+            *best = search::polish(problem, &best.at, options.iterations, both, Held::None)?;
             // What was at a minimum and cannot go lower is still there.
             best.converged |= converged && round > 0;
         }
@@ -397,6 +438,30 @@ fn same_but_for_what_is_open(
     })
 }
 
+/// Values without uncertainties.
+fn values_alone(problem: &Problem, values: &[f64], state: &State) -> Known {
+    let one = |name: &str, kind: ParameterKind, value: f64, prior| Estimate {
+        name: name.to_owned(),
+        kind,
+        value,
+        sigma: None,
+        sigma_calibration: None,
+        interval_95: [None, None],
+        interval_method: IntervalMethod::None,
+        sigma_material: None,
+        at_bound: None,
+        prior,
+    };
+    let searched = (problem.free.iter().zip(values))
+        .map(|(f, v)| one(&f.name, ParameterKind::Nonlinear, *v, f.prior));
+    let solved = (problem.linear.iter().zip(state.x.iter()))
+        .map(|(l, x)| one(&l.name, ParameterKind::Linear, l.unit * x, l.prior));
+    let estimates: Vec<Estimate> = searched.chain(solved).collect();
+    let n = estimates.len();
+    let covariance = DMatrix::from_element(n, n, f64::NAN);
+    Known { estimates, covariance, response: None, warnings: Vec::new() }
+}
+
 fn finish(
     mut problem: Problem,
     best: Found,
@@ -442,7 +507,11 @@ fn finish(
     };
     let scaled_by = factor.max(1.0);
     let solution = State { x: state.x, residual, rates: state.rates, ..alike };
-    let known = estimate(&mut problem, &values, &solution, scaled_by)?;
+    let known = match options.purpose {
+        Purpose::Answer => estimate(&mut problem, &values, &solution, scaled_by, true)?,
+        Purpose::Covariance => estimate(&mut problem, &values, &solution, scaled_by, false)?,
+        Purpose::Values | Purpose::Start => values_alone(&problem, &values, &solution),
+    };
 
     let mut warnings = Vec::new();
     if !settled {

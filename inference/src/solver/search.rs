@@ -1,14 +1,15 @@
 //! The search for the values that are not linear: places drawn over the box, from the best of them the steps of Levenberg and
 //! Marquardt within bounds, about the best minimum simplices (argmin). In units of the box, so that all parameters are alike.
 
-use super::FitError;
-use super::problem::Problem;
+use super::problem::{Problem, State, Which};
+use super::{FitError, Search};
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::DVector;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::cell::RefCell;
+use sunglint_numerics::basis::Basis;
 use sunglint_numerics::least_squares::{
     Bounded, Differences, Limits, Residuals, minimise_residuals,
 };
@@ -40,7 +41,7 @@ pub(super) fn start(problem: &Problem) -> Vec<f64> {
 
 /// Places over the box: the multiples of an irrational vector (the generalised golden ratio: Roberts 2018), shifted by the seed.
 pub(super) fn places(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<f64>> {
-    let drawn: Vec<usize> = (0..problem.free.len()).filter(|k| !problem.free[*k].local).collect();
+    let drawn: Vec<usize> = everywhere(problem).collect();
     let n = drawn.len();
     let mut ratio = 2.0_f64;
     for _ in 0..64 {
@@ -87,12 +88,16 @@ impl CostFunction for Simplex<'_, '_> {
     }
 }
 
-/// Parameters that are searched for over the box: all but the local ones.
+/// Number of parameters that are searched for over the box.
 pub(super) fn over_the_box(problem: &Problem) -> usize {
-    problem.free.iter().filter(|f| !f.local).count()
+    everywhere(problem).count()
 }
 
-/// A simplex (Nelder and Mead) of a size about a place, for some iterations. Local parameters stay as they are.
+fn everywhere(problem: &Problem) -> impl Iterator<Item = usize> {
+    (0..problem.free.len()).filter(|k| problem.free[*k].search == Search::Everywhere)
+}
+
+/// A simplex (Nelder and Mead) of a size about a place, for some iterations. All others stay as they are.
 pub(super) fn simplex(
     problem: &mut Problem,
     at: &[f64],
@@ -100,7 +105,7 @@ pub(super) fn simplex(
     iterations: u64,
 ) -> Result<Found, FitError> {
     let mut corners = vec![at.to_vec()];
-    for k in (0..at.len()).filter(|k| !problem.free[*k].local) {
+    for k in everywhere(problem) {
         let mut corner = at.to_vec();
         corner[k] += if corner[k] + size <= 1.0 { size } else { -size };
         corners.push(corner);
@@ -124,14 +129,49 @@ pub(super) fn simplex(
     })
 }
 
-struct Polish<'a, 'b>(&'a mut Problem<'b>);
+struct Polish<'a, 'b> {
+    problem: &'a mut Problem<'b>,
+    /// The last place that was looked at, and the basis of the linear columns there once it was asked for.
+    last: Option<(Vec<f64>, State, Option<Basis>)>,
+}
+
+impl Polish<'_, '_> {
+    fn look(&mut self, at: &[f64]) -> Result<(), FitError> {
+        if self.last.as_ref().is_none_or(|(last, ..)| last != at) {
+            let values = values(self.problem, at);
+            self.last = Some((at.to_vec(), self.problem.evaluate(&values)?, None));
+        }
+        Ok(())
+    }
+}
 
 impl Residuals for Polish<'_, '_> {
     type Error = FitError;
 
     fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, FitError> {
-        let values = values(self.0, at);
-        Ok(self.0.evaluate(&values)?.residual)
+        self.look(at)?;
+        Ok(self.last.as_ref().map_or_else(|| DVector::zeros(0), |(_, s, _)| s.residual.clone()))
+    }
+
+    /// Of a parameter that multiplies rates: what the linear parameters do not take up of it (Kaufman 1975). What is left out stands upright on the residuals where these are, so that
+    /// the minimum is the same.
+    fn derivative(&mut self, at: &[f64], number: usize) -> Result<Option<DVector<f64>>, FitError> {
+        let own = values(self.problem, at);
+        if !self.problem.multiplies(&own, number) {
+            return Ok(None);
+        }
+        self.look(at)?;
+        let Some((_, state, basis)) = &mut self.last else { return Ok(None) };
+        let Some(mut slope) = self.problem.slope(&own, number, &state.rates) else {
+            return Ok(None);
+        };
+        basis.get_or_insert_with(|| self.problem.in_use(state)).project_out(slope.as_mut_slice());
+        let priors = (self.problem.whitener.rows..).zip(self.problem.priors());
+        for (row, known) in priors.filter(|(_, known)| known.which == Which::Free(number)) {
+            slope[row] += known.prior.sigma.recip();
+        }
+        let f = &self.problem.free[number];
+        Ok(Some(-(f.high - f.low) * slope))
     }
 }
 
@@ -164,8 +204,8 @@ pub(super) fn polish(
         let fixed = match held {
             Held::None => false,
             Held::One(one) => one == k,
-            Held::Local => f.local && searched,
-        };
+            Held::Local => f.search == Search::Near && searched,
+        } || f.search == Search::Nowhere;
         Bounded { low, high, step: f.step / (f.high - f.low), fixed }
     };
     let numbers: Vec<Bounded> = problem.free.iter().enumerate().map(number).collect();
@@ -173,8 +213,11 @@ pub(super) fn polish(
         return Err(FitError::Search { why: "fewer samples than parameters".into() });
     }
     let differences = if both { Differences::TwoSided } else { Differences::OneSided };
-    let limits = Limits { steps: iterations, gain: 1e-9, step: 1e-8 };
-    let found = minimise_residuals(&mut Polish(problem), &numbers, at, differences, &limits)?;
+    // On the way a part of a million of χ² is far below anything that decides.
+    let gain = problem.gain.unwrap_or(if both { 1e-9 } else { 1e-6 });
+    let limits = Limits { steps: iterations, gain, step: 1e-8 };
+    let mut model = Polish { problem, last: None };
+    let found = minimise_residuals(&mut model, &numbers, at, differences, &limits)?;
     let chi2 = found.place.chi2();
     if !chi2.is_finite() {
         return Err(FitError::Search { why: "a residual is no number".into() });

@@ -204,6 +204,10 @@ impl Model for StudyModel {
         let components = &self.components;
         self.passes.iter_mut().map(|pass| pass.columns(values, components)).collect()
     }
+
+    fn log_derivative(&self, values: &[f64], parameter: usize) -> Option<Vec<Array2<f64>>> {
+        self.passes.iter().map(|pass| pass.log_derivative(values, parameter)).collect()
+    }
 }
 
 impl Pass {
@@ -216,6 +220,41 @@ impl Pass {
         let columns = self.summed(&rates, values, components);
         self.rates = Some(rates);
         Ok(columns)
+    }
+
+    /// Derivative of the logarithm of all rates by a parameter that does nothing but multiply them.
+    fn log_derivative(&self, values: &[f64], parameter: usize) -> Option<Array2<f64>> {
+        let Shaping { attitude, target, time_offset, size, gain, extinction, zero_points } =
+            &self.shaping;
+        let uses = |law: Option<&[usize]>| law.is_some_and(|uses| uses.contains(&parameter));
+        if uses(attitude.as_ref().map(|l| &l.uses[..]))
+            || uses(target.as_ref().map(|l| &l.uses[..]))
+            || *time_offset == Some(parameter)
+        {
+            return None;
+        }
+        let channels = match &self.unit {
+            Unit::Channels(channels) => channels.len(),
+            Unit::Band(_) => 1,
+        };
+        let mut slope = Array2::zeros((self.study.places().len(), channels));
+        for (own, power) in [(size, 2.0), (gain, 1.0)] {
+            if *own == Some(parameter) {
+                slope += power / values[parameter];
+            }
+        }
+        let a_magnitude = -0.4 * std::f64::consts::LN_10;
+        for ((i, c), slope) in slope.indexed_iter_mut() {
+            let air = extinction.iter().filter(|e| e.parameter == parameter);
+            let air = air.filter(|e| e.channels.as_ref().is_none_or(|all| all.contains(&c)));
+            // Below the horizon there is no airmass, and nothing is compared.
+            let airmass = if self.airmass[i].is_finite() { self.airmass[i] } else { 0.0 };
+            *slope += a_magnitude * airmass * air.count() as f64;
+            let own = zero_points.iter().filter(|z| z.parameter == parameter);
+            let own = own.filter(|z| z.samples.get(i).copied().unwrap_or(false));
+            *slope += a_magnitude * own.count() as f64;
+        }
+        Some(slope)
     }
 
     /// Brings the study to the parameters' values.

@@ -5,7 +5,7 @@ use rand::RngExt as _;
 use serde_json::{Value, json};
 use sunglint_inference::solver::{
     CalibrationError, Columns, Data, FitError, Free, Linear, Loss, Model, ModelError, Options,
-    Prior, Warning, fit,
+    Prior, Purpose, Warning, fit,
 };
 use sunglint_testkit::{peer_python, run_python};
 
@@ -36,8 +36,15 @@ fn linear(component: usize, channels: Vec<usize>) -> Linear {
     Linear { name, component, channels, curves: None, unit: 1.0, most: None, prior: None }
 }
 
-const PLAIN: Options =
-    Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0, iterations: 60 };
+const PLAIN: Options = Options {
+    loss: Loss::Squares,
+    places: 0,
+    starts: 0,
+    seed: 0,
+    iterations: 60,
+    shakes: 6,
+    purpose: Purpose::Answer,
+};
 
 const PEER: &str = r#"
 import json, sys, numpy, scipy
