@@ -153,7 +153,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         &folder.json(&["focus", "drift", "a_run.json", "b_run.json", "c_run.json", "--json"]),
         &mut printed,
     );
-    keys(&folder.json(&["simulate", "pass.toml", "--json"]), &mut printed);
+    keys(&folder.json(&["simulate", "pass.toml", "--polarisation", "--json"]), &mut printed);
     // A comparison, with one sample left out for each of some reasons.
     let stretch =
         "times.from = 2008-09-21T18:45:00Z\ntimes.to = 2008-09-21T18:51:00Z\ntimes.step_s = 10\n";

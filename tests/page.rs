@@ -826,7 +826,7 @@ fn star_at(browser: &mut Browser) -> Option<[f64; 2]> {
     Some([at[0].as_f64()?, at[1].as_f64()?])
 }
 
-/// Waits until the star stands still in four frames, and gives its place.
+/// Waits until the star stands still in eight frames (it creeps to its place at the end of the way), and gives its place.
 fn settled(browser: &mut Browser) -> [f64; 2] {
     let limit = Instant::now() + Duration::from_secs(60);
     let mut seen: Vec<[f64; 2]> = Vec::new();
@@ -834,9 +834,9 @@ fn settled(browser: &mut Browser) -> [f64; 2] {
         assert!(Instant::now() < limit, "the star does not stand still: {seen:?}");
         let Some(at) = star_at(browser).filter(|at| seen.last() != Some(at)) else { continue };
         seen.push(at);
-        let still = seen.iter().rev().take(4);
+        let still = seen.iter().rev().take(8);
         let off = |from: &[f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]);
-        if seen.len() >= 4 && still.map(off).fold(0.0, f64::max) < 3.0 {
+        if seen.len() >= 8 && still.map(off).fold(0.0, f64::max) < 3.0 {
             return at;
         }
     }

@@ -82,7 +82,8 @@ impl Simulation<'_> {
             };
             let error = |row: usize| {
                 let rest = (all.rate_hz[row] - known.rate_hz[row]).abs();
-                let stated = part.error_hz[row] + degree(row) * all.error_hz[row];
+                // Of the part and of the whole. The part's own also holds what was left out of it, which is in the rest.
+                let stated = 2.0 * degree(row) * all.error_hz[row];
                 (rest + stated) / all.rate_hz[row]
             };
             channels.push((0..samples).map(degree).collect());
