@@ -174,7 +174,7 @@ impl Asked {
 #[derive(Debug)]
 enum Update {
     Counts(String, Vec<CountRecord>),
-    Event(Event),
+    Event(Box<Event>),
 }
 
 /// A device of a night.
@@ -576,7 +576,7 @@ impl LiveState {
         if matches!(what, What::Mount { changed: false, .. }) {
             return;
         }
-        self.hand_over(Update::Event(Event { utc, what: what.clone() }));
+        self.hand_over(Update::Event(Box::new(Event { utc, what: what.clone() })));
     }
 
     fn hand_over(&self, update: Update) {

@@ -50,7 +50,7 @@ fn degree(target: &Target, sun: DVec3, observer: DVec3) -> f64 {
     let mut polarised = target.clone();
     for material in &mut polarised.materials {
         *material = match material.polarised().unwrap() {
-            PolarisedPart::Of(part) => part,
+            PolarisedPart::Of(part) => *part,
             _ => black(material),
         };
     }

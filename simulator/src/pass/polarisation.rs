@@ -66,7 +66,7 @@ impl Simulation<'_> {
                 diffuse_and_known.target.materials[k] = black(of)?;
             }
             polarised.target.materials[k] = match part {
-                PolarisedPart::Of(material) => material,
+                PolarisedPart::Of(material) => *material,
                 PolarisedPart::Nothing | PolarisedPart::Unknown => black(of)?,
             };
         }

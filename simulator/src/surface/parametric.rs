@@ -307,7 +307,7 @@ impl Scatter for Sum {
         if parts.is_empty() {
             return Ok(PolarisedPart::Nothing);
         }
-        Ok(PolarisedPart::Of(sum(name.to_owned(), parts, None)?))
+        Ok(PolarisedPart::Of(Box::new(sum(name.to_owned(), parts, None)?)))
     }
 
     fn describe(&self) -> String {

@@ -12,7 +12,7 @@ use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 #[derive(Debug, Clone)]
 pub enum PolarisedPart {
     /// This material's light.
-    Of(Material),
+    Of(Box<Material>),
     /// None: it is diffuse.
     Nothing,
     /// Not known: a reflectance without a refractive index, a table.
@@ -26,7 +26,9 @@ impl Material {
     /// A refractive index between whose angles the difference is not smooth.
     pub fn polarised(&self) -> Result<PolarisedPart, MaterialError> {
         let name = self.name.clone();
-        let part = |found: Option<Self>| found.map_or(PolarisedPart::Unknown, PolarisedPart::Of);
+        let part = |found: Option<Self>| {
+            found.map_or(PolarisedPart::Unknown, |found| PolarisedPart::Of(Box::new(found)))
+        };
         Ok(match &self.model {
             Model::Lambert => PolarisedPart::Nothing,
             Model::Mirror { fresnel } => {
