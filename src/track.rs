@@ -26,12 +26,12 @@ use sunglint_observatory::telescope::{
 };
 use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
 use sunglint_radiometry::station::Station;
-use sunglint_report::track::{TrackReport, plan_text, step_text};
+use sunglint_report::track::{TrackReport, is_within, plan_text, step_text, turned_s};
 use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
 
 /// Names of the virtual telescopes.
 const VIRTUAL: [&str; 3] = ["virtual", "virtual-equatorial", "virtual-german"];
-/// How far past the meridian the virtual German mount can go, deg.
+/// Hour angle past the meridian at which the virtual German mount stands still, deg.
 const GERMAN_DEG: f64 = 10.0;
 /// How long a mount may take to be opened.
 pub(crate) const OPEN: Duration = Duration::from_secs(30);
@@ -69,7 +69,7 @@ pub struct TrackArgs {
     /// Time from a command to the mount's doing it, s
     #[arg(long, value_name = "S", default_value_t = 0.25)]
     pub latency_s: f64,
-    /// How far past the meridian a German mount follows before it is turned over, degrees of hour angle
+    /// Hour angle past the meridian up to which a German mount follows before it is turned over, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub past_meridian: f64,
     /// How much later than predicted the target comes, s
@@ -413,7 +413,11 @@ fn rehearse(
     if let Ok(summary) = &ended
         && let Some(locked_s) = summary.locked_s
     {
-        let late = telescope.truth().into_iter().filter(|row| row.time_s - 60.0 > locked_s + 5.0);
+        let turned_s = turned_s(&steps, summary.began_s);
+        let late = telescope.truth().into_iter().filter(|row| {
+            let time_s = row.time_s - 60.0;
+            time_s > locked_s + 5.0 && !is_within(&turned_s, time_s)
+        });
         let squares: Vec<f64> = late.map(|row| row.off_arcsec.powi(2)).collect();
         if !squares.is_empty() {
             report.true_rms_arcsec =

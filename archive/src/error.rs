@@ -27,7 +27,7 @@ pub enum ArchiveError {
     /// Passes that cannot be put into one curve.
     #[error("the passes cannot be one curve: {why}")]
     Apart {
-        /// How they differ, and what to do.
+        /// The difference, and what to do.
         why: String,
     },
     /// A file has changed since it was indexed.

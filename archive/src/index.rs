@@ -44,7 +44,7 @@ struct Entry {
     contents: Contents,
 }
 
-/// How a pass got its number in the catalogue.
+/// Origin of a pass's number in the catalogue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Known {

@@ -6,14 +6,14 @@ use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_observatory::telescope::Gone;
 
-/// How a goto went.
+/// Result of a goto.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GotoReport {
     /// Name of the target, or its place.
     pub target: String,
     /// Address of the mount.
     pub mount: String,
-    /// How far from the target each frame looked, arcsec (empty where none was taken), and how the camera sees the axes.
+    /// Distance of each frame from the target, arcsec (empty where none was taken), and the axes as the camera sees them.
     #[serde(flatten)]
     pub gone: Gone,
     /// Whether the mount was told where it is.

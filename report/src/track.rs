@@ -16,9 +16,11 @@ pub struct TrackReport {
     pub mount: String,
     /// How it went; nothing of a plan alone.
     pub went: Option<TrackSummary>,
-    /// Root mean square distance of the mount from where the target was believed to be, arcsec, from 5 s after the begin on.
+    /// Spans in which a German mount was turned over: when it left the target and when it had it again, seconds of the path.
+    pub turned_s: Vec<[f64; 2]>,
+    /// Root mean square distance of the mount from where the target was believed to be, arcsec, from 5 s after the begin on, without the turns.
     pub rms_error_arcsec: Option<f64>,
-    /// Root mean square distance of the target from the telescope's axis, arcsec, from 5 s after the lock on: a virtual telescope knows it.
+    /// Root mean square distance of the target from the telescope's axis, arcsec, from 5 s after the lock on, without the turns: a virtual telescope knows it.
     pub true_rms_arcsec: Option<f64>,
     /// Why it ended before the target had passed.
     pub ended: Option<String>,
@@ -27,14 +29,17 @@ pub struct TrackReport {
 impl TrackReport {
     /// A plan alone.
     pub fn planned(plan: PassPlan, mount: String) -> Self {
-        Self { plan, mount, went: None, rms_error_arcsec: None, true_rms_arcsec: None, ended: None }
+        let (went, ended, turned_s) = (None, None, Vec::new());
+        Self { plan, mount, went, turned_s, rms_error_arcsec: None, true_rms_arcsec: None, ended }
     }
 
     /// Takes over how it went.
     pub fn went(&mut self, summary: TrackSummary, steps: &[TrackStep]) {
+        self.turned_s = turned_s(steps, summary.began_s);
         let late = |step: &&TrackStep| {
             !matches!(step.state, TrackState::Slewing | TrackState::Waiting)
                 && step.time_s > summary.began_s + 5.0
+                && !is_within(&self.turned_s, step.time_s)
         };
         let squares: Vec<f64> =
             steps.iter().filter(late).map(|step| step.error_arcsec.powi(2)).collect();
@@ -90,6 +95,13 @@ impl TrackReport {
                     writeln!(text, "target found at {locked_s:.1} s, seen in {} frames", went.seen);
             }
         }
+        for [from_s, to_s] in &self.turned_s {
+            let lost_s = to_s - from_s;
+            let _ = writeln!(
+                text,
+                "turned over at {from_s:.0} s, on the target again after {lost_s:.0} s"
+            );
+        }
         if let Some(rms) = self.rms_error_arcsec {
             let _ = writeln!(
                 text,
@@ -107,6 +119,33 @@ impl TrackReport {
         }
         text
     }
+}
+
+/// A target that is nearer than this is had again, arcsec.
+const HAD_ARCSEC: f64 = 30.0;
+
+/// Spans in which a mount that follows since `began_s` was turned over: until the target is locked again, or the mount is on the prediction.
+pub fn turned_s(steps: &[TrackStep], began_s: f64) -> Vec<[f64; 2]> {
+    let mut turns: Vec<[f64; 2]> = Vec::new();
+    let mut is_open = false;
+    for step in steps.iter().filter(|step| step.time_s >= began_s) {
+        let has = matches!(step.state, TrackState::Locked | TrackState::Predicted)
+            && step.error_arcsec < HAD_ARCSEC;
+        if step.state == TrackState::Slewing && !is_open {
+            turns.push([step.time_s; 2]);
+            is_open = true;
+        }
+        if let (true, Some(turn)) = (is_open, turns.last_mut()) {
+            turn[1] = step.time_s;
+            is_open = !has;
+        }
+    }
+    turns
+}
+
+/// Whether a time lies within a span.
+pub fn is_within(spans_s: &[[f64; 2]], time_s: f64) -> bool {
+    spans_s.iter().any(|[from_s, to_s]| (*from_s..=*to_s).contains(&time_s))
 }
 
 fn state(state: TrackState) -> &'static str {

@@ -203,7 +203,7 @@ impl Searching<'_> {
         self.run_with(model, &free, &linear, options)
     }
 
-    /// What is searched for, begun where a fit ended.
+    /// Search for a part's normal, begun where a fit ended.
     fn from(&self, fit: &Fit) -> Vec<Free> {
         (self.parameters.free.iter().zip(&fit.parameters))
             .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })

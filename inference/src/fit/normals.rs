@@ -47,7 +47,7 @@ pub(super) struct Proposal {
     pub tilt_deg: f64,
     /// Roughness; `None` where it is not free.
     pub roughness: Option<f64>,
-    /// How much lower χ² gets, over the reduced χ² of the fit.
+    /// Gain in χ², over the reduced χ² of the fit.
     pub gain: f64,
 }
 
@@ -110,7 +110,7 @@ fn rotation(azimuth_deg: f64, tilt_deg: f64) -> DQuat {
 /// The residuals of a fit, ready for a part's light to be set beside them.
 struct Left {
     moments: Vec<Moment>,
-    /// What the linear parameters do already.
+    /// Columns of the linear parameters.
     known: Basis,
     /// χ² over the degrees of freedom.
     scale: f64,
@@ -125,7 +125,7 @@ struct Tried<'a> {
 }
 
 impl Tried<'_> {
-    /// How much lower χ² gets with the part at a normal.
+    /// Gain in χ² with the part at a normal.
     fn gain(&self, material: &Material, azimuth_deg: f64, tilt_deg: f64) -> f64 {
         let turn = rotation(azimuth_deg, tilt_deg);
         let back = turn.conjugate();

@@ -48,7 +48,7 @@ pub struct MountPlan {
     /// Side of the pier of a German mount on which `camera_angle_deg` holds: on the other side the camera is upside down.
     #[serde(default)]
     pub camera_angle_pier: Option<PierSide>,
-    /// How far past the meridian a German mount follows before it turns over, deg of hour angle.
+    /// Hour angle past the meridian up to which a German mount follows before it turns over, deg.
     #[serde(default)]
     pub past_meridian_deg: Option<Within<0, 85>>,
     /// Angle that a pixel sees, arcsec; the station's without.
@@ -128,7 +128,7 @@ impl MountPlan {
         self.sun_limit_deg.map_or(30.0, Within::get)
     }
 
-    /// How far past the meridian a German mount follows before it turns over, deg.
+    /// Hour angle past the meridian up to which a German mount follows before it turns over, deg.
     pub fn past_meridian_deg(&self) -> f64 {
         self.past_meridian_deg.map_or(0.0, Within::get)
     }

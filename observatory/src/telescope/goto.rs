@@ -125,7 +125,7 @@ pub struct Looks {
     pub scale_arcsec: f64,
 }
 
-/// How a camera sees the axes of the mount: what a plan's `[mount]` asks for.
+/// The axes of the mount as a camera sees them: the keys of a plan's `[mount]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraAxes {
     /// `camera_angle_deg`: turn of the camera, deg, -180 to 180.
@@ -139,12 +139,12 @@ pub struct CameraAxes {
     pub camera_angle_pier: Option<PierSide>,
 }
 
-/// How a goto went.
+/// Result of a goto.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Gone {
-    /// How far off each frame was, arcsec.
+    /// Distance of each frame's middle from the target, arcsec.
     pub off_arcsec: Vec<f64>,
-    /// How the last frame saw the axes.
+    /// The axes as the last frame saw them.
     pub camera: Option<CameraAxes>,
 }
 
@@ -190,7 +190,7 @@ impl Goto<'_> {
         self.mount.reading(&soon)
     }
 
-    /// How a frame that looks there sees the axes of a mount on this side of the pier.
+    /// The axes of a mount on this side of the pier, as a frame sees them that looks there.
     fn camera(&self, looks: &Looks, pier: Option<PierSide>) -> Result<CameraAxes, GotoError> {
         let [ra, dec] = looks.sky_deg.map(f64::to_radians);
         let middle = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());

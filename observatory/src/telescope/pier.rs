@@ -14,7 +14,7 @@ pub(super) fn side_for(hour_angle_deg: f64) -> PierSide {
     if wrapped(hour_angle_deg) < 0.0 { PierSide::West } else { PierSide::East }
 }
 
-/// How far past the end of its side an hour angle lies, deg; not above 0 where the mount can stay on its side.
+/// Distance of an hour angle past the end of a side, deg; not above 0 where the mount can stay on that side.
 pub(super) fn past_deg(side: PierSide, hour_angle_deg: f64) -> f64 {
     let middle = match side {
         PierSide::East => 90.0,

@@ -53,7 +53,7 @@ pub struct TrackOptions {
     pub reach_arcsec: f64,
     /// Whether a mount that is found parked is freed: not where somebody else parked it.
     pub unpark: bool,
-    /// How far past the meridian a mount that tells its side of the pier follows before it is turned over, deg of hour angle.
+    /// Hour angle past the meridian up to which a mount that tells its side of the pier follows before it is turned over, deg.
     pub past_meridian_deg: f64,
 }
 

@@ -173,7 +173,7 @@ fn magnitude(planet: Planet, from_sun_m: DVec3, line_m: DVec3) -> Option<f64> {
     Some(reduced + distances)
 }
 
-/// How far Saturn's rings are open, degrees: the geometric mean of the Sun's and the observer's latitudes on Saturn, 0 where they look at different sides.
+/// Opening of Saturn's rings, degrees: the geometric mean of the Sun's and the observer's latitudes on Saturn, 0 where they look at different sides.
 fn rings_deg(from_sun_m: DVec3, line_m: DVec3) -> f64 {
     // Pole of Saturn at J2000.0 (IAU working group on cartographic coordinates 2015): right ascension 40.589°, declination 83.537°; it moves by 0.04° in a century.
     let (sin, cos) = 83.537_f64.to_radians().sin_cos();

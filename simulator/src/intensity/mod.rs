@@ -409,7 +409,7 @@ fn phase_deg(aspect: &Aspect) -> f64 {
     aspect.sun.angle_between(aspect.observer).to_degrees()
 }
 
-/// What goes with the light of one aspect, where the light itself is written to rows.
+/// Companions of the light of one aspect, where the light itself is written to rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lit {
     /// The phase angle, degrees.

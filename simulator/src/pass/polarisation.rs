@@ -16,12 +16,12 @@ const V: usize = 2;
 pub struct Polarisation {
     /// By channel of the station and sample: degree of linear polarisation, 0 to 1, after the air; NaN without light and below the horizon.
     pub channels: Vec<Vec<f64>>,
-    /// How far off each may be: the simulation's stated error, light between surfaces and from the Earth, and the light of materials whose polarisation is not known,
+    /// Bound of the error of each: the simulation's stated error, light between surfaces and from the Earth, and the light of materials whose polarisation is not known,
     /// each as if it was polarised wholly.
     pub channels_error: Vec<Vec<f64>>,
     /// By sample: the same in V, before the air; NaN without light.
     pub v: Vec<f64>,
-    /// How far off that may be.
+    /// Bound of its error.
     pub v_error: Vec<f64>,
     /// By sample: position angle of the electric field's direction, from north through east (ICRS), 0 to 180 deg, as the IAU counts it.
     pub angle_deg: Vec<f64>,
