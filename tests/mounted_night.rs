@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::star_of_now::star_of_now;
+use crate::common::star_of_now::night_of_now;
 use crate::common::{Folder, SPHERE_PASS, virtual_night};
 use std::io::{BufRead as _, BufReader};
 use std::net::{TcpListener, TcpStream};
@@ -305,7 +305,7 @@ impl Drop for Server {
 
 fn plan_of(server: &Server, star: &str, for_s: f64) -> String {
     format!(
-        r#"station = "ufo"
+        r#"station = "station"
 for_s = {for_s}
 [[camera]]
 name = "cam"
@@ -316,7 +316,7 @@ interval_s = 1.0
 device = "indi-telescope:127.0.0.1:{port}/Telescope Simulator"
 set_site = true
 trust_clock = true
-park = false                    # the test runs by day, too: dawn is when the real Sun rises
+park = false
 on_target_arcsec = 20
 [[visit]]
 off = "dark"
@@ -357,7 +357,7 @@ fn a_visit_over_indis_wires_and_a_killed_program() {
     live("a_visit_over_indis_wires_and_a_killed_program", &PROGRAMS, || {
         let folder = Folder::new("mounted-indi");
         let server = Server::start();
-        let star = star_of_now();
+        let star = night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0);
         std::fs::write(folder.path("night.toml"), plan_of(&server, &star, 60.0)).unwrap();
         // A connection that begins while the mount moves is not ready within its time: its reports never pause.
         let mut mount = server.mount();
@@ -382,7 +382,7 @@ fn a_visit_over_indis_wires_and_a_killed_program() {
         assert!(frames.iter().any(|at| *at > arrived), "{arrived} {frames:?}");
         let path = sunglint_observatory::telescope::TargetPath::star(
             Catalogue::embedded().find(&star).unwrap(),
-            &Station::built_in("ufo").unwrap().unwrap().site,
+            &Station::read(&folder.path("station")).unwrap().site,
             EarthOrientation::embedded(),
             (reading.utc, 10.0),
             sunglint_drivers::device::MountAxes::Equatorial,
@@ -403,9 +403,9 @@ fn a_telescope_goes_to_a_star() {
     live("a_telescope_goes_to_a_star", &PROGRAMS, || {
         let folder = Folder::new("goto-indi");
         let server = Server::start();
-        let star = star_of_now();
+        let star = night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0);
         let mount = format!("indi-telescope:127.0.0.1:{}/Telescope Simulator", server.port);
-        let common = ["goto", &star, "--mount", &mount, "--station", "ufo", "--trust-clock"];
+        let common = ["goto", &star, "--mount", &mount, "--station", "station", "--trust-clock"];
         let made = folder.done(&[&common[..], &["--set-site", "--leave", "--json"]].concat());
         let json: serde_json::Value = serde_json::from_str(&made).unwrap();
         assert_eq!(json["off_arcsec"], serde_json::json!([]));

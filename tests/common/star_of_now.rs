@@ -4,17 +4,11 @@ use hifitime::{Epoch, Unit};
 use std::ops::Range;
 use std::path::Path;
 use sunglint_drivers::clock::utc_now;
-use sunglint_observatory::telescope::sun;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer, Star};
 use sunglint_radiometry::station::Station;
 
-/// A star that is high, far from the Sun and from the meridian now, and does not saturate a camera in a twentieth of a second.
-pub fn star_of_now() -> String {
-    star_over(&Station::built_in("ufo").unwrap().unwrap(), 2.5..4.5, -1.0..3.0)
-}
-
-/// Writes the station `ufo` into a folder, turned to where it is midnight now, so that a test needs no hour of the day; gives a star as above, of these magnitudes V and colours
-/// B−V.
+/// Writes the station `ufo` into a folder, turned to where it is midnight now, so that a test needs no hour of the day; gives a star of these magnitudes V and colours B−V that is
+/// high and far from the meridian. Where the Sun is up, a mount may find no way around it.
 pub fn night_of_now(folder: &Path, v_mag: Range<f64>, b_minus_v: Range<f64>) -> String {
     let from = sunglint_testkit::repository().join("radiometry/stations/ufo");
     std::fs::create_dir_all(folder).unwrap();
@@ -29,18 +23,13 @@ pub fn night_of_now(folder: &Path, v_mag: Range<f64>, b_minus_v: Range<f64>) -> 
     let here = "longitude_deg = 9.196416666666667";
     assert!(text.contains(here));
     std::fs::write(&file, text.replace(here, &format!("longitude_deg = {longitude_deg}"))).unwrap();
-    star_over(&Station::read(folder).unwrap(), v_mag, b_minus_v)
-}
-
-fn star_over(station: &Station, v_mag: Range<f64>, b_minus_v: Range<f64>) -> String {
-    let place = station.site.geodetic();
+    let station = Station::read(folder).unwrap();
     let (now, earth) = (utc_now(), EarthOrientation::embedded());
-    let sun = sun(now, place.latitude_deg, place.longitude_deg).enu;
     let fit = |epoch: Epoch| {
         let later = Observer::at(epoch, &station.site, earth).unwrap();
         move |star: &Star| {
             let enu = later.star(star).horizontal.east_north_up();
-            enu.z > 0.5 && enu.x.abs() > 0.2 && enu.dot(sun) < 0.5
+            enu.z > 0.5 && enu.x.abs() > 0.2
         }
     };
     let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
