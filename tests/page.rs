@@ -26,7 +26,13 @@ impl Serving {
         Self::with(folder, arguments, &[])
     }
 
-    /// The same with these variables of the environment.
+    /// Observes `night.toml` into `session` in real time, with a page.
+    pub(crate) fn observe(folder: &Folder, more: &[&str]) -> Self {
+        let arguments = ["observe", "night.toml", "-o", "session", "--real-time", "--page"];
+        Self::start(folder, &[&arguments[..], &["127.0.0.1:0"], more].concat())
+    }
+
+    /// The program with these variables of the environment, too.
     fn with(folder: &Folder, arguments: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
             .args(arguments)
@@ -565,17 +571,7 @@ fn a_virtual_night_is_driven_from_the_page() {
         ("exposure_s = 0.5\ninterval_s = 2.0", "exposure_s = 0.1\ninterval_s = 0.5"),
     ]);
     crate::common::virtual_night::write(&folder.0, &plan, DRIVEN);
-    let arguments = [
-        "observe",
-        "night.toml",
-        "-o",
-        "session",
-        "--real-time",
-        "--wait",
-        "--page",
-        "127.0.0.1:0",
-    ];
-    let mut serving = Serving::start(&folder, &arguments);
+    let mut serving = Serving::observe(&folder, &["--wait"]);
     browser.open(&serving.url);
     browser.until("document.getElementById('mode').innerText === 'waiting for Start'");
     // The plan is seen, nothing is recorded, and nothing else is taken.
@@ -887,17 +883,7 @@ for_s = 300
     let options =
         "[pointing]\njitter_px = 0.0\naim_scatter_px = 0.0\n[passing]\nstreaks_per_h = 0.0\n";
     std::fs::write(folder.path("virtual.toml"), options).unwrap();
-    let arguments = [
-        "observe",
-        "night.toml",
-        "-o",
-        "session",
-        "--anyway",
-        "--real-time",
-        "--page",
-        "127.0.0.1:0",
-    ];
-    let mut serving = Serving::start(&folder, &arguments);
+    let mut serving = Serving::observe(&folder, &["--anyway"]);
     browser.open(&serving.url);
     browser.until(
         "Object.values(sunglint.live?.devices ?? {}).some((d) => d.mount?.state === 'locked')",

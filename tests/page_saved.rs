@@ -362,18 +362,7 @@ fn magnitudes_while_the_night_runs() {
     }
     crate::common::virtual_night::write(&folder.0, &plan, &options);
     std::fs::write(folder.path("kappa.ecsv"), KAPPA).unwrap();
-    let arguments = [
-        "observe",
-        "night.toml",
-        "-o",
-        "session",
-        "--real-time",
-        "--page",
-        "127.0.0.1:0",
-        "--calibration",
-        "kappa.ecsv",
-    ];
-    let mut serving = Serving::start(&folder, &arguments);
+    let mut serving = Serving::observe(&folder, &["--calibration", "kappa.ecsv"]);
     browser.open(&serving.url);
     browser.run("(() => { const s = document.getElementById('unit'); s.value = 'mag'; s.dispatchEvent(new Event('change')); })()");
     browser.until("/spcm \\d+\\.\\d+ ± \\d\\.\\d+ mag/.test(document.getElementById('counts-text').innerText)");

@@ -306,7 +306,7 @@ struct Point {
     flags: u32,
 }
 
-/// Counts of the last visit to the empty sky.
+/// Counts of a visit to the empty sky.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct OffPoints {
     /// Channels, in the order of the counts.
@@ -327,7 +327,8 @@ struct Ring {
     points: VecDeque<Point>,
     open: Option<Point>,
     next: u64,
-    off: OffPoints,
+    /// Visits to the empty sky, the last one at the end: those within the time of `points`, and the one before it.
+    off: VecDeque<OffPoints>,
 }
 
 impl Ring {
@@ -367,18 +368,22 @@ impl Ring {
             // A start may be a rounding error early.
             let within = |visit: &&[f64; 2]| visit[0] <= point.start_s + 1e-6 && end_s <= visit[1];
             let Some(visit) = sky.iter().find(within) else { continue };
-            if self.off.channels.is_empty() || visit[0] > self.off.from_s {
-                self.off = OffPoints {
+            if self.off.back().is_none_or(|off| visit[0] > off.from_s) {
+                self.off.push_back(OffPoints {
                     channels: self.channels.clone(),
                     from_s: visit[0],
                     ..OffPoints::default()
-                };
+                });
             }
-            if self.off.counts.len() < OFF_POINTS {
-                self.off.length_s.push(point.length_s);
-                self.off.counts.push(point.counts.clone());
-                self.off.flags.push(point.flags);
+            if let Some(off) = self.off.back_mut().filter(|off| off.counts.len() < OFF_POINTS) {
+                off.length_s.push(point.length_s);
+                off.counts.push(point.counts.clone());
+                off.flags.push(point.flags);
             }
+        }
+        let oldest_s = self.points.front().map_or(f64::INFINITY, |point| point.start_s);
+        while self.off.get(1).is_some_and(|second| second.from_s <= oldest_s) {
+            self.off.pop_front();
         }
     }
 }
@@ -756,10 +761,10 @@ impl LiveState {
         lock(&self.frames).get(camera).cloned()
     }
 
-    /// Counts of the last visit to the empty sky so far; `None` where there was none.
-    pub fn off(&self, counter: &str) -> Option<OffPoints> {
+    /// Counts of visits to the empty sky, in the order of time: those within the time of the points that are kept, and the last one before it.
+    pub fn off(&self, counter: &str) -> Vec<OffPoints> {
         let inner = lock(&self.inner);
-        inner.rings.get(counter).map(|ring| ring.off.clone()).filter(|off| !off.counts.is_empty())
+        inner.rings.get(counter).map(|ring| ring.off.iter().cloned().collect()).unwrap_or_default()
     }
 
     /// State of the night, and what came since. `None` before it begins.
@@ -942,23 +947,38 @@ mod tests {
         assert_eq!(counts_since(&long, 6999).start_s, [6999.0]);
     }
 
-    /// Truth: by hand: of points of a second, two visits to the sky of 10 s and 5 s keep their own: the last visit's, those that lie within it whole.
+    /// Truth: by hand: of points of a second, two visits to the sky of 10 s and 5 s keep their own, those that lie within them whole. A visit is dropped once points after the next are all that is kept.
     #[test]
-    fn the_last_empty_sky_is_kept() {
+    fn empty_sky_is_kept_as_long_as_its_points() {
         let mut ring = Ring { channels: vec!["g".into()], ..Ring::default() };
         let sky = [[2.0, 12.0], [20.5, 25.5]];
         for i in 0..15 {
             ring.add(i as f64, &record(i, 1_000_000_000_000));
             ring.keep_off(i, &sky);
         }
-        assert_eq!((ring.off.from_s, ring.off.counts.len()), (2.0, 10));
-        assert_eq!((ring.off.counts[0][0], ring.off.counts[9][0]), (2, 11));
+        let kept = |ring: &Ring| -> Vec<(f64, Vec<u64>)> {
+            let counts =
+                |off: &OffPoints| off.counts.iter().map(|counts| counts[0]).collect::<Vec<u64>>();
+            ring.off.iter().map(|off| (off.from_s, counts(off))).collect()
+        };
+        let first = (2.0, (2..12).collect::<Vec<u64>>());
+        assert_eq!(kept(&ring), [first.clone()]);
         for i in 15..30 {
             ring.add(i as f64, &record(i, 1_000_000_000_000));
         }
         ring.keep_off(15, &sky);
-        let counts: Vec<u64> = ring.off.counts.iter().map(|counts| counts[0]).collect();
-        assert_eq!((ring.off.from_s, counts), (20.5, vec![21, 22, 23, 24]));
+        let second = (20.5, vec![21, 22, 23, 24]);
+        assert_eq!(kept(&ring), [first.clone(), second.clone()]);
+        for (until, expected) in
+            [(POINTS as u64 + 20, vec![first, second.clone()]), (POINTS as u64 + 22, vec![second])]
+        {
+            while ring.next < until {
+                let i = ring.next;
+                ring.add(i as f64, &record(i, 1_000_000_000_000));
+                ring.keep_off(i, &sky);
+            }
+            assert_eq!(kept(&ring), expected);
+        }
     }
 
     /// Truth: by hand: capture that nobody empties loses what finds no room, and counts it; it never waits. A frame that somebody holds is left.

@@ -2,7 +2,7 @@
 
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
-use crate::magnitudes::{Calibration, PointMagnitudes, Points, Scale, sky_of};
+use crate::magnitudes::{Calibration, Off, PointMagnitudes, Points, Scale, sky_of};
 use crate::marks::marks;
 use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
 use crate::request::{Answer, Request, Source};
@@ -16,7 +16,7 @@ use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
 use sunglint_observatory::live::{
-    Click, Control, ControlError, LiveCounts, LiveState, LiveView, Seen,
+    Click, Control, ControlError, LiveCounts, LiveState, LiveView, OffPoints, Seen,
 };
 use sunglint_observatory::{Pointing, Schedule, Slot};
 use sunglint_radiometry::light_curve::LightCurve;
@@ -72,6 +72,21 @@ struct Done<'a> {
     done: &'a str,
 }
 
+/// Rates of the sky in a visit to it, by channel.
+fn sky_rate(corrected: &Corrected, off: &OffPoints) -> Vec<Option<Off>> {
+    let each = off.counts.iter().zip(&off.length_s).zip(&off.flags);
+    let points: Vec<(&[u64], f64, u32)> =
+        each.map(|((counts, s), flags)| (counts.as_slice(), *s, *flags)).collect();
+    sky_of(corrected, &off.channels, &points)
+}
+
+/// The sky at a time, s after the night's start: that of the last visit before it that has been measured, or else of the first after it. `skies` has when each visit began and its rates.
+fn sky_at(skies: &[(f64, Vec<Option<Off>>)], at_s: f64) -> Vec<Option<Off>> {
+    let known = || skies.iter().filter(|(_, rates)| rates.iter().any(Option::is_some));
+    let found = known().rev().find(|(from_s, _)| *from_s <= at_s).or_else(|| known().next());
+    found.map(|(_, rates)| rates.clone()).unwrap_or_default()
+}
+
 impl LiveNight {
     /// Shows a night's live state; `program` is the name and version of the program that runs it.
     pub fn new(state: Arc<LiveState>, program: &str) -> Self {
@@ -118,11 +133,9 @@ impl LiveNight {
         let schedule = Schedule::new(self.state.slots());
         let mut pointing = Pointing::new(station.clone());
         let of = |(name, counts): (&'a String, &'a LiveCounts)| {
-            let off = self.state.off(name).unwrap_or_default();
-            let each = off.counts.iter().zip(&off.length_s).zip(&off.flags);
-            let points: Vec<(&[u64], f64, u32)> =
-                each.map(|((counts, s), flags)| (counts.as_slice(), *s, *flags)).collect();
-            let sky = sky_of(corrected, &counts.channels, &points);
+            let visits = self.state.off(name);
+            let skies: Vec<(f64, Vec<Option<Off>>)> =
+                visits.iter().map(|off| (off.from_s, sky_rate(corrected, off))).collect();
             let points = Points {
                 channels: &counts.channels,
                 start_s: &counts.start_s,
@@ -130,7 +143,7 @@ impl LiveNight {
                 rate_hz: &counts.rate_hz,
             };
             let target = |utc| schedule.at(utc).cloned();
-            let off = |_| sky.clone();
+            let off = |utc: Epoch| sky_at(&skies, (utc - start).to_seconds());
             let found = scale.points(points, corrected, &mut pointing, start, &target, &off);
             (name.as_str(), found)
         };
@@ -335,5 +348,25 @@ impl Source for LiveNight {
             _ => Err(Answer::missing()),
         };
         answer.unwrap_or_else(|answer| answer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand: the last visit before a time that has been measured, else the first after it.
+    #[test]
+    fn each_point_has_the_sky_of_its_time() {
+        let skies = [
+            (10.0, vec![Some((1.0, 0.1)), None]),
+            (50.0, vec![Some((2.0, 0.1)), None]),
+            (90.0, vec![None, None]),
+        ];
+        let rate = |at_s| sky_at(&skies, at_s).first().copied().flatten().map(|(rate, _)| rate);
+        for (at_s, expected) in [(5.0, 1.0), (10.0, 1.0), (49.9, 1.0), (60.0, 2.0), (95.0, 2.0)] {
+            assert_eq!(rate(at_s), Some(expected), "{at_s}");
+        }
+        assert!(sky_at(&skies[2..], 95.0).is_empty());
     }
 }

@@ -164,7 +164,7 @@ impl Scale {
         (magnitude.is_finite() && sigma.is_finite()).then_some((magnitude, MAG * sigma / rate))
     }
 
-    /// Magnitudes of counted points. `target` has the target at a time, `off` the rates of the sky by channel.
+    /// Magnitudes of counted points. `target` has the target at a time, `off` the rates of the sky by channel. A point in which one target follows another has none: it holds part of the light of each.
     pub fn points(
         &self,
         points: Points<'_>,
@@ -181,8 +181,13 @@ impl Scale {
         for (i, (start_s, length_s)) in points.start_s.iter().zip(points.length_s).enumerate() {
             let middle_s = start_s + 0.5 * length_s;
             let utc = start + hifitime::Duration::from_seconds(middle_s);
-            let seen = target(utc).filter(|target| {
-                matches!(target.target_kind, TargetKind::Star | TargetKind::Satellite)
+            // An edge may be a rounding error early or late.
+            let edge = hifitime::Duration::from_seconds((0.5 * length_s - 1e-6).max(0.0));
+            let seen = target(utc).filter(|seen| {
+                matches!(seen.target_kind, TargetKind::Star | TargetKind::Satellite)
+                    && [utc - edge, utc + edge]
+                        .into_iter()
+                        .all(|at| target(at).as_ref() == Some(seen))
             });
             let zenith_deg = seen.and_then(|target| {
                 if let Some((of, at_s, zenith_deg)) = &held

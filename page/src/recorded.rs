@@ -12,7 +12,7 @@ use hifitime::{Duration, Epoch};
 use serde::Serialize;
 use std::collections::HashMap;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use sunglint_formats::session::{
     CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit, What,
 };
@@ -522,9 +522,15 @@ impl Recording {
         wish.check()?;
         let film = self.film(&wish.camera).ok_or_else(Answer::missing)?;
         let chosen = wish.chosen(film.files.iter().map(|file| file.sequence))?;
-        let _one = self.clip.try_lock().map_err(|_| {
-            Answer::error(503, "another clip is being made: try again when it is done")
-        })?;
+        let _one = match self.clip.try_lock() {
+            // It guards nothing that a panic could leave half done.
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                let busy = "another clip is being made: try again when it is done";
+                return Err(Answer::error(503, busy));
+            }
+            Ok(one) => one,
+        };
         wish.made(&chosen, |index| {
             let file = film.files.get(index).ok_or_else(Answer::missing)?;
             let frame = file.read().map_err(|error| Answer::error(500, &error.to_string()))?;

@@ -26,6 +26,10 @@ pub struct Browser {
     _profile: super::Folder,
 }
 
+fn evaluated(script: &str) -> Value {
+    json!({"expression": script, "awaitPromise": true, "returnByValue": true})
+}
+
 impl Browser {
     /// Starts one; `None` after the skip of `test` was recorded, where there is none.
     pub fn start(test: &str) -> Option<Self> {
@@ -68,6 +72,10 @@ impl Browser {
 
     /// A command of the protocol and its result.
     pub fn call(&mut self, method: &str, params: Value) -> Value {
+        self.tried(method, params).unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    fn tried(&mut self, method: &str, params: Value) -> Result<Value, String> {
         self.number += 1;
         let mut message = json!({"id": self.number, "method": method, "params": params});
         if let Some(session) = &self.session {
@@ -80,8 +88,10 @@ impl Browser {
             assert_eq!(bytes.pop(), Some(0), "{method}: the browser has ended");
             let answer: Value = serde_json::from_slice(&bytes).unwrap();
             if answer["id"] == self.number {
-                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
-                return answer["result"].clone();
+                return match &answer["error"] {
+                    Value::Null => Ok(answer["result"].clone()),
+                    error => Err(error.to_string()),
+                };
             }
             self.hear(&answer);
         }
@@ -112,8 +122,7 @@ impl Browser {
 
     /// Value of an expression, of a promise too.
     pub fn run(&mut self, script: &str) -> Value {
-        let params = json!({"expression": script, "awaitPromise": true, "returnByValue": true});
-        let result = self.call("Runtime.evaluate", params);
+        let result = self.call("Runtime.evaluate", evaluated(script));
         assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
         result["result"]["value"].clone()
     }
@@ -121,7 +130,18 @@ impl Browser {
     /// Waits until an expression is true.
     pub fn until(&mut self, script: &str) {
         let begun = Instant::now();
-        while self.run(script) != true {
+        loop {
+            // A page that is left for another at that moment has no answer: the next one is asked again.
+            match self.tried("Runtime.evaluate", evaluated(script)) {
+                Err(error) => assert!(error.contains("navigated"), "{script}: {error}"),
+                Ok(result) => {
+                    let thrown = &result["exceptionDetails"];
+                    assert!(thrown.is_null(), "{script}: {thrown}");
+                    if result["result"]["value"] == true {
+                        return;
+                    }
+                }
+            }
             let state = begun.elapsed() < LIMIT;
             assert!(state, "{script}: not within {LIMIT:?}: {}", self.text("body"));
             std::thread::sleep(Duration::from_millis(30));
