@@ -132,7 +132,7 @@ fn found(pixels: &Array2<f32>) -> Field {
 /// besides its own noise (3 σ).
 #[test]
 fn campaign_streaks() {
-    let mut campaign = Campaign::start("streaks", 100);
+    let mut campaign = Campaign::start("streaks", 1000);
     let (mut asked, mut missed, mut frames, mut false_frames, mut off) = (0, 0, 0, 0, 0);
     let (mut faint, mut faint_missed, mut short, mut short_missed) = (0, 0, 0, 0);
     let (mut crowded, mut crowded_missed) = (0, 0);
