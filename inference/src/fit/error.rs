@@ -79,6 +79,18 @@ pub enum PassFitError {
         /// The name.
         name: String,
     },
+    /// A range that is no interval.
+    #[error(
+        "{name}: its range is {low} to {high}, expected two finite numbers, the lower one first"
+    )]
+    Range {
+        /// The parameter.
+        name: String,
+        /// The range's lower end.
+        low: f64,
+        /// The range's upper end.
+        high: f64,
+    },
     /// A largest albedo that is none.
     #[error("the largest albedo is {largest_albedo}, expected a number above 0")]
     LargestAlbedo {

@@ -42,7 +42,8 @@ pub use parameters::FreeParameter;
 
 use crate::measured::{CurveOfScene, V, channels, pass_of, place, prepared};
 use crate::solver::{
-    self, Data, Fit, Free, Linear, Options, ParameterKind, Purpose, Search, StudyModel, Unit,
+    self, Data, Estimate, Fit, Free, Linear, Options, ParameterKind, Purpose, Search, StudyModel,
+    Unit, WORTH,
 };
 use found::{Bouncing, OfCurve, fitted_scenes, spectra_of};
 use parameters::{CurveSide, Normal, Parameters};
@@ -86,6 +87,19 @@ fn studies_of(
         studies.push(study);
     }
     Ok((studies, bouncing))
+}
+
+/// Normal of a part that another one was preferred to, with its roughness: numbers and values of the parameters.
+struct Lost {
+    normal: usize,
+    values: Vec<(usize, f64)>,
+}
+
+impl Lost {
+    fn new(number: usize, normal: &Normal, fit: &Fit) -> Self {
+        let own = normal.angles.into_iter().chain(normal.roughness.iter().map(|(k, _)| *k));
+        Self { normal: number, values: own.map(|k| (k, fit.parameters[k].value)).collect() }
+    }
 }
 
 /// The search and what follows it: a fit again from where one ended.
@@ -133,8 +147,11 @@ impl Searching<'_> {
         let Parameters { normals, .. } = self.parameters;
         let on_the_way = Options { purpose: Purpose::Start, shakes: 0, ..self.options.clone() };
         let mut fit = self.run_hidden(model, &self.parameters.free, normals, &on_the_way)?;
+        let mut evaluations = fit.evaluations;
         let iterations = STEPS_OF_A_PROPOSAL.min(on_the_way.iterations);
         let near = Options { places: 0, starts: 0, iterations, ..on_the_way };
+        // Normals that lost against another by less than the data can tell.
+        let mut lost: Vec<Lost> = Vec::new();
         for (k, normal) in normals.iter().enumerate() {
             self.progress.status(&format!("normal of {}", normal.part));
             let proposals = normals::propose(
@@ -146,7 +163,7 @@ impl Searching<'_> {
                 &fit,
                 normal,
             )?;
-            let mut best: Option<(f64, Fit)> = None;
+            let mut tried: Vec<(f64, Fit)> = Vec::new();
             for proposal in &proposals {
                 let mut free = self.from(&fit);
                 free[normal.angles[0]].start = proposal.azimuth_deg;
@@ -164,22 +181,88 @@ impl Searching<'_> {
                     .flat_map(|n| n.angles.into_iter().chain(n.roughness.iter().map(|(k, _)| *k)));
                 before.for_each(|k| free[k].search = Search::Nowhere);
                 let found = self.run_hidden(model, &free, &normals[k + 1..], &near)?;
-                let cost = cost(&found);
-                if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                    best = Some((cost, found));
-                }
+                evaluations += found.evaluations;
+                tried.push((cost(&found), found));
             }
+            tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut tried = tried.into_iter();
             // Where no normal helps, the part keeps that of the scene.
-            fit = match best {
-                Some((_, found)) => found,
-                None => self.run_hidden(model, &self.from(&fit), &normals[k + 1..], &near)?,
+            fit = match tried.next() {
+                Some((least, found)) => {
+                    let close = tried.filter(|(cost, _)| cost - least < WORTH * found.scaled_by);
+                    lost.extend(close.map(|(_, other)| Lost::new(k, normal, &other)));
+                    found
+                }
+                None => {
+                    let dark =
+                        self.run_hidden(model, &self.from(&fit), &normals[k + 1..], &near)?;
+                    evaluations += dark.evaluations;
+                    dark
+                }
             };
         }
         let last = Options { places: 0, starts: 0, shakes: 0, ..self.options.clone() };
-        let evaluations = fit.evaluations;
-        let mut fit = self.run_with(model, &self.from(&fit), &self.parameters.linear, &last)?;
-        fit.evaluations += evaluations;
+        let mut fit = self.run(model, &self.from(&fit), &last)?;
+        evaluations += fit.evaluations;
+        if !lost.is_empty() {
+            evaluations += self.with_the_lost(model, &mut fit, &lost, &near, &last)?;
+        }
+        fit.evaluations = evaluations;
         Ok(fit)
+    }
+
+    /// Goes down from a fit with each normal that lost in the place of the one that won, now that all parts have their light. What ends above the fit is kept as another minimum of it, unless
+    /// the intervals of the normal hold it; the best of what ends below replaces it. Returns the simulations that it took.
+    fn with_the_lost(
+        &self,
+        model: &mut StudyModel,
+        fit: &mut Fit,
+        lost: &[Lost],
+        near: &Options,
+        last: &Options,
+    ) -> Result<usize, PassFitError> {
+        let free = &self.parameters.free;
+        let mut evaluations = 0;
+        let mut ends: Vec<(f64, &Lost, Fit)> = Vec::new();
+        for lost in lost {
+            let mut there = self.from(fit);
+            for (k, value) in &lost.values {
+                there[*k].start = *value;
+            }
+            let end = self.run(model, &there, near)?;
+            evaluations += end.evaluations;
+            ends.push((cost(&end), lost, end));
+        }
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut others: Vec<(f64, usize, Vec<f64>)> =
+            ends.iter().map(|(cost, lost, end)| (*cost, lost.normal, searched(end))).collect();
+        let before = cost(fit);
+        if let Some((least, lost, end)) = ends.first()
+            && least + 1.0 < before
+        {
+            let next = self.run(model, &self.from(end), last)?;
+            evaluations += next.evaluations;
+            if cost(&next) < before {
+                others[0] = (before, lost.normal, searched(fit));
+                *fit = next;
+            }
+        }
+        let least = cost(fit);
+        for (cost, normal, values) in others {
+            let inside = self.parameters.normals[normal].angles.iter().all(|k| {
+                let known = &fit.parameters[*k];
+                let turn = free[*k].high - free[*k].low;
+                let turns = match free[*k].wraps {
+                    true => ((values[*k] - known.value) / turn).round(),
+                    false => 0.0,
+                };
+                known.covers(values[*k] - turn * turns)
+            });
+            if !inside {
+                fit.add_minimum(free, values, ((cost - least) / fit.scaled_by).max(0.0));
+            }
+        }
+        Ok(evaluations)
     }
 
     /// Fits with some parts without light and their normals where they stand.
@@ -218,7 +301,9 @@ impl Searching<'_> {
         let mut next = self.run(model, &again, &near)?;
         next.evaluations += fit.evaluations;
         // Other minima are those of the search.
-        next.minima.extend(fit.minima.iter().skip(1).cloned());
+        for other in fit.minima.iter().skip(1) {
+            next.add_minimum(&self.parameters.free, other.values.clone(), other.delta_chi2);
+        }
         Ok(next)
     }
 
@@ -514,7 +599,7 @@ fn middle_may_err(data: &Data, tolerance: f64) -> f64 {
     (AVERAGED_SIGMAS * best).max(THINNED * tolerance)
 }
 
-/// Sum of Huber's loss over the samples of a fit: outliers of other fits do not decide between them.
+/// Sum of Huber's loss over the samples of a fit, and of the squares of its priors: outliers of other fits do not decide between them.
 fn cost(fit: &Fit) -> f64 {
     const HUBER: f64 = 1.345;
     let pulls = fit.curves.iter().flat_map(|c| &c.pull).filter(|p| p.is_finite());
@@ -522,7 +607,9 @@ fn cost(fit: &Fit) -> f64 {
         p if p <= HUBER => p * p,
         p => HUBER * (2.0 * p - HUBER),
     };
-    pulls.map(one).sum()
+    let of_prior =
+        |p: &Estimate| p.prior.map(|known| ((p.value - known.mean) / known.sigma).powi(2));
+    pulls.map(one).sum::<f64>() + fit.parameters.iter().filter_map(of_prior).sum::<f64>()
 }
 
 /// Values of what was searched for.

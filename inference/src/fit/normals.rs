@@ -97,12 +97,12 @@ pub(super) fn plate<'a>(
     Ok((areas[0].max(areas[1]), areas.map(|a| a > 0.0), material))
 }
 
-/// Azimuth and tilt of a direction, degrees: the first two of the part's Euler angles.
+/// Azimuth (−180 to 180) and tilt (0 to 180) of a direction, degrees. They are the first two of the Euler angles `euler_zyx_deg` of a part whose normal (its +z axis) is this direction; the third is 0.
 fn angles_deg(normal: DVec3) -> (f64, f64) {
     (normal.y.atan2(normal.x).to_degrees(), normal.x.hypot(normal.y).atan2(normal.z).to_degrees())
 }
 
-/// From the part's axes to the body's.
+/// Rotation from the axes of a part with these Euler angles to the body's axes: about y by the tilt, then about z by the azimuth.
 fn rotation(azimuth_deg: f64, tilt_deg: f64) -> DQuat {
     DQuat::from_rotation_z(azimuth_deg.to_radians()) * DQuat::from_rotation_y(tilt_deg.to_radians())
 }
@@ -184,11 +184,7 @@ pub(super) fn propose(
     let roughness = normal.roughness.as_ref().map(|(k, _)| &parameters.free[*k]);
     let rough: Vec<Option<f64>> = match roughness {
         None => vec![None],
-        Some(free) => {
-            let low = LEAST_ROUGHNESS.clamp(free.low.max(1e-3), free.high);
-            let step = (free.high / low).powf(1.0 / (ROUGHNESSES - 1) as f64);
-            (0..ROUGHNESSES).map(|k| Some(low * step.powi(k as i32))).collect()
-        }
+        Some(free) => roughnesses(free.low, free.high).into_iter().map(Some).collect(),
     };
     let materials: Vec<(Option<f64>, Material)> = rough
         .into_iter()
@@ -264,9 +260,27 @@ pub(super) fn propose(
         .collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let most = found.first().map_or(0.0, |p| p.gain);
-    found.retain(|p| p.gain > LEAST_GAIN && p.gain > WORTH * most);
-    found.truncate(PROPOSED);
-    Ok(found)
+    let direction = |p: &Proposal| rotation(p.azimuth_deg, p.tilt_deg) * DVec3::Z;
+    // Refined ones may have met.
+    let mut apart: Vec<Proposal> = Vec::new();
+    for one in found.into_iter().filter(|p| p.gain > LEAST_GAIN && p.gain > WORTH * most) {
+        let angle = |p: &Proposal| direction(p).angle_between(direction(&one)).to_degrees();
+        if apart.len() < PROPOSED && apart.iter().all(|p| angle(p) > APART_DEG) {
+            apart.push(one);
+        }
+    }
+    Ok(apart)
+}
+
+/// Roughnesses that are tried within a range: a geometric row up to its end, from [`LEAST_ROUGHNESS`] or what of the range is nearest to it. One where that is the end itself.
+fn roughnesses(low: f64, high: f64) -> Vec<f64> {
+    // Not `clamp`: a range may lie below the least roughness as a whole.
+    let first = LEAST_ROUGHNESS.max(low).min(high);
+    if first >= high {
+        return vec![high];
+    }
+    let step = (high / first).powf(1.0 / (ROUGHNESSES - 1) as f64);
+    (0..ROUGHNESSES).map(|k| first * step.powi(k as i32)).collect()
 }
 
 /// A number and its neighbours below `count`.
@@ -295,8 +309,8 @@ fn left(
     for (k, (curve, own)) in data.iter().zip(&columns).enumerate() {
         let Some(study) = model.study(k) else { continue };
         let unit = study.unit_rates();
+        let Some(factors) = model.factors(k, &searched) else { continue };
         let n = study.places().len();
-        let zero = parameters.zero_factors(k, &searched, n);
         let of_material: Vec<usize> = (unit.terms.iter().enumerate())
             .filter(|(_, t)| t.source == Source::Direct)
             .filter(|(_, t)| {
@@ -341,7 +355,7 @@ fn left(
                 let rate = |i: usize, term: usize| match above {
                     true => unit.fluxes[[i, place, term]],
                     false => unit.rates_hz[[i, place, term]],
-                } * zero[i] * study.places()[i].sunlit;
+                } * factors[[i, c]] * study.places()[i].sunlit;
                 moments.push(Moment {
                     sun: seen.sun_body,
                     observer: seen.observer_body,
@@ -349,9 +363,7 @@ fn left(
                     left: mean(&|i| curve.rate[[i, c]] - fit.curves[k].model[[i, c]]),
                 });
                 for (p, linear) in parameters.linear.iter().enumerate() {
-                    let here = linear.channels.contains(&c)
-                        && linear.curves.as_ref().is_none_or(|all| all.contains(&k));
-                    let value = match here {
+                    let value = match linear.holds(k, c) {
                         true => mean(&|i| own.columns[[i, c, linear.component]]),
                         false => 0.0,
                     };
@@ -369,4 +381,26 @@ fn left(
         }
     }
     Ok(Left { moments, known, scale: fit.reduced_chi2.max(1.0) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand: the row goes from 0.03, or from the range's begin above it, to the range's end in equal factors; of a range that ends at 0.03 or below its end is all there is.
+    #[test]
+    fn roughnesses_lie_in_their_range() {
+        for (low, high, expected) in [
+            (0.0, 0.24, &[0.03, 0.06, 0.12, 0.24][..]),
+            (0.1, 0.8, &[0.1, 0.2, 0.4, 0.8]),
+            (0.01, 0.03, &[0.03]),
+            (1e-4, 5e-4, &[5e-4]),
+        ] {
+            let found = roughnesses(low, high);
+            assert_eq!(found.len(), expected.len(), "{found:?}");
+            for (a, b) in found.iter().zip(expected) {
+                assert!((a / b - 1.0).abs() < 1e-12, "{found:?}, expected {expected:?}");
+            }
+        }
+    }
 }

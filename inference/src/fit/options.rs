@@ -123,13 +123,18 @@ impl FitOptions {
         })
     }
 
-    /// Whether each name is free once, and the largest albedo one.
+    /// Checks that each name is free once, that ranges are intervals, and that the largest albedo is above 0.
     pub(super) fn check(&self) -> Result<(), PassFitError> {
         let largest_albedo = self.largest_albedo;
         if !(largest_albedo.is_finite() && largest_albedo > 0.0) {
             return Err(PassFitError::LargestAlbedo { largest_albedo });
         }
         for (k, want) in self.free.iter().enumerate() {
+            if let Some((low, high)) = want.range
+                && !(low < high && low.is_finite() && high.is_finite())
+            {
+                return Err(PassFitError::Range { name: want.name.clone(), low, high });
+            }
             if self.free[..k].iter().any(|w| w.name == want.name) {
                 return Err(PassFitError::FreeTwice { name: want.name.clone() });
             }
@@ -146,6 +151,22 @@ impl FitOptions {
             seed: self.seed,
             iterations: self.iterations,
             ..Options::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A caller's range that is no interval is refused by name, before anything is searched for.
+    #[test]
+    fn a_range_that_is_none_is_refused() {
+        for range in [(2.0, 1.0), (1.0, 1.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
+            let name = "material.gloss.alpha".to_owned();
+            let free = vec![FreeParameter { name, range: Some(range), prior: None }];
+            let refused = FitOptions { free, ..FitOptions::default() }.check();
+            assert!(matches!(refused, Err(PassFitError::Range { .. })), "{range:?}: {refused:?}");
         }
     }
 }

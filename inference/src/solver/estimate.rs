@@ -114,6 +114,14 @@ pub(super) fn estimate(
         free.retain(|i| *i != k);
         loose.push((k, all));
     };
+    // Without profiles nothing tells how far they may go.
+    if !profiles {
+        for (_, all) in &loose {
+            all.iter().for_each(|i| undetermined[*i] = true);
+            let names = all.iter().map(|i| name(*i)).collect();
+            warnings.push(Warning::Undetermined { names });
+        }
+    }
     let is_loose = |k: usize| loose.iter().any(|(l, _)| *l == k);
     let mut covariance = DMatrix::from_element(n, n, f64::NAN);
     for (a, i) in free.iter().enumerate() {

@@ -41,6 +41,7 @@ mod whiten;
 pub use data::{CalibrationError, Data};
 pub use problem::{Columns, Free, Linear, Model, ModelError, Prior, Search};
 pub use residuals::{Summary, summaries};
+pub(crate) use run::WORTH;
 pub use run::{Loss, Options, Progress, Purpose, fit};
 pub use study::{
     Component, Extinction, Law, Shaping, StudyModel, Unit, ZeroPoint, airmasses, band_mean,
@@ -326,7 +327,7 @@ pub struct Fit {
     /// The curves.
     #[serde(skip)]
     pub curves: Vec<FittedCurve>,
-    /// How the parameters answer to a change of the data; `None` of values alone.
+    /// Derivatives of the parameters by the data; `None` of a fit that gives values without uncertainties.
     #[serde(skip)]
     response: Option<response::Response>,
 }
@@ -335,6 +336,20 @@ impl Fit {
     /// The parameter of that name.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
         self.parameters.iter().find(|p| p.name == name)
+    }
+
+    /// Adds a minimum that another search found, with its warning: χ² there over that of the best, over the scale of the errors. Nothing is added that is the best one itself, but for what the data do not determine, or lies so high that the data exclude it.
+    pub(crate) fn add_minimum(&mut self, free: &[Free], values: Vec<f64>, delta_chi2: f64) {
+        let Some(best) = self.minima.first() else { return };
+        let same = run::same_but_for_what_is_open(free, &self.parameters, &values, &best.values);
+        if same || delta_chi2 >= WORTH {
+            return;
+        }
+        let chi2 = best.chi2 + delta_chi2 * self.scaled_by;
+        let at = free.iter().map(|f| f.name.clone()).zip(values.iter().copied()).collect();
+        self.warnings.push(Warning::OtherMinimum { delta_chi2, at });
+        self.minima.push(Minimum { values, chi2, delta_chi2 });
+        self.minima[1..].sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     }
 
     /// The correlation of two parameters by their numbers; `None` where one of them has no uncertainty.

@@ -126,6 +126,14 @@ pub struct Linear {
     pub prior: Option<Prior>,
 }
 
+impl Linear {
+    /// Whether its coefficient counts in a channel of a curve, both by number.
+    pub fn holds(&self, curve: usize, channel: usize) -> bool {
+        self.channels.contains(&channel)
+            && self.curves.as_ref().is_none_or(|all| all.contains(&curve))
+    }
+}
+
 /// Parameter by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Which {
@@ -211,10 +219,7 @@ impl<'a> Problem<'a> {
         let mut owner = vec![Array2::from_elem((first.channels(), components), None); data.len()];
         for (p, l) in linear.iter().enumerate() {
             for (curve, owned) in owner.iter_mut().enumerate() {
-                if l.curves.as_ref().is_some_and(|c| !c.contains(&curve)) {
-                    continue;
-                }
-                for c in &l.channels {
+                for c in l.channels.iter().filter(|c| l.holds(curve, **c)) {
                     let place = owned.get_mut((*c, l.component));
                     let Some(place) = place else {
                         return wrong(l.name.clone(), format!("channel {c}"));

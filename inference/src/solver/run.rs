@@ -17,14 +17,18 @@ use sunglint_numerics::order::robust_sigma;
 const ROUNDS: usize = 15;
 /// The same of a fit from which another begins.
 const ROUNDS_OF_A_START: usize = 2;
-/// Relative gain of χ² below which a descent ends where one more costs a search of normals: of χ² of some thousands a part of one.
+/// Relative gain of χ² below which a descent ends that another one follows.
 const COARSE: f64 = 1e-4;
+/// Gain of χ², over the scale of the errors, below which the last descent ends where no profile of χ² is asked for: moves of all parameters together by less than a tenth of their σ.
+const ENOUGH: f64 = 0.01;
+/// Relative gain of χ² below which a descent ends whose place is compared with another's.
+const EXACT: f64 = 1e-9;
 /// Weights have settled where the model's rates change by less than this part of the noise.
 const SETTLED: f64 = 0.01;
 /// Minima nearer than this, in units of the box, are one.
 const SAME: f64 = 1e-3;
 /// Minima of a χ² that is more above the best are not worth a word (over the scale of the errors).
-const WORTH: f64 = 25.0;
+pub(crate) const WORTH: f64 = 25.0;
 /// Iterations of a simplex for each parameter.
 const SIMPLEX: u64 = 30;
 /// The first size of a simplex, in units of the box.
@@ -111,9 +115,9 @@ pub struct Options {
     pub starts: usize,
     /// The seed of the places.
     pub seed: u64,
-    /// Iterations of a descent to the bottom of a minimum, at most; with 0 nothing descends, and no fit with what is not linear converges.
+    /// Largest number of steps of a descent. With 0 there is no descent: the search ends at the best place, and [`Fit::converged`] is false unless all parameters are linear.
     pub iterations: usize,
-    /// How often simplices of all sizes look about the best minimum for a deeper one, at most.
+    /// Largest number of rounds in which simplices of three sizes look about the best minimum for a deeper one. A round that lowers χ² by less than 1 is the last.
     pub shakes: usize,
     /// Purpose of the fit.
     pub purpose: Purpose,
@@ -159,10 +163,8 @@ pub fn fit(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Fit, FitError> {
     let mut problem = Problem::new(data, model, free, linear)?;
-    problem.gain = match options.purpose {
-        Purpose::Answer => None,
-        Purpose::Covariance | Purpose::Values | Purpose::Start => Some(COARSE),
-    };
+    // The last descents have limits of their own.
+    problem.gain = (options.purpose != Purpose::Answer).then_some(COARSE);
     let most = options.iterations;
     let start = search::start(&problem);
     let first = problem.evaluate(&search::values(&problem, &start))?;
@@ -223,14 +225,29 @@ pub fn fit(
         settle(&mut problem, &mut best, options.loss, options, &mut tell)?;
     // By that noise another minimum may be the better one.
     let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
-    let mut others = Vec::new();
-    for found in minima.iter().skip(1).filter(|m| m.chi2 - minima[0].chi2 < 4.0 * WORTH * scale) {
-        let found = search::polish(&mut problem, &found.at, most, false, Held::None)?;
+    let least = minima[0].chi2;
+    minima.retain(|m| m.chi2 - least < 4.0 * WORTH * scale);
+    let mut others: Vec<Found> = Vec::new();
+    // Minima are told apart by where they are, so that all must be at the bottom. Values alone need the best one only.
+    let told = matches!(options.purpose, Purpose::Answer | Purpose::Covariance);
+    if told && minima.len() > 1 {
+        problem.gain = Some(EXACT);
+        if options.purpose == Purpose::Covariance {
+            let converged = best.converged;
+            best = search::polish(&mut problem, &best.at, most, true, Held::None)?;
+            best.converged |= converged;
+            state = problem.evaluate(&search::values(&problem, &best.at))?;
+        }
+    }
+    for found in minima.iter().skip(1) {
+        let found = search::polish(&mut problem, &found.at, most, told, Held::None)?;
         tell("other minima", &problem, found.chi2);
-        if search::apart(&problem, &found.at, &best.at) > SAME {
+        let mut known = std::iter::once(&best).chain(&others);
+        if known.all(|k| search::apart(&problem, &found.at, &k.at) > SAME) {
             others.push(found);
         }
     }
+    problem.gain = (options.purpose != Purpose::Answer).then_some(COARSE);
     if let Some(k) = (0..others.len()).find(|k| others[*k].chi2 < state.chi2 - 1e-3) {
         others.push(std::mem::replace(&mut best, others[k].clone()));
         others.swap_remove(k);
@@ -295,6 +312,11 @@ fn freedom(problem: &Problem) -> usize {
     problem.rows().saturating_sub(parameters).max(1)
 }
 
+/// Largest number of rounds of weights that follow the model.
+fn rounds(purpose: Purpose) -> usize {
+    if purpose == Purpose::Start { ROUNDS_OF_A_START } else { ROUNDS }
+}
+
 /// Goes on from a minimum until noise and weights, which follow the model, stand still. Leaves the problem with them.
 fn settle(
     problem: &mut Problem,
@@ -305,10 +327,8 @@ fn settle(
 ) -> Result<(State, bool), FitError> {
     let mut state = problem.evaluate(&search::values(problem, &best.at))?;
     // On the way to another fit the weights need not be the last word.
-    let start = options.purpose == Purpose::Start;
     let both = options.purpose == Purpose::Answer;
-    let rounds = if start { ROUNDS_OF_A_START } else { ROUNDS };
-    for round in 0..rounds {
+    for round in 0..rounds(options.purpose) {
         let weights = weights(problem.data, &state.rates, loss);
         let whitener = Whitener::new(problem.data, Some(&state.rates), weights.as_ref());
         if whitener.rows <= problem.free.len() + problem.linear.len() {
@@ -316,6 +336,10 @@ fn settle(
             return Ok((state, false));
         }
         problem.whitener = whitener;
+        if matches!(options.purpose, Purpose::Covariance | Purpose::Values) {
+            let scale = (state.chi2 / freedom(problem) as f64).max(1.0);
+            problem.gain = Some(ENOUGH * scale / state.chi2.max(1.0));
+        }
         if !problem.free.is_empty() {
             let converged = best.converged;
             *best = search::polish(problem, &best.at, options.iterations, both, Held::None)?;
@@ -422,8 +446,8 @@ fn m_factor(pulls: &PerSample, loss: Loss, freedom: usize) -> f64 {
 }
 
 /// Whether two minima differ in nothing but parameters that the data do not determine: they are one.
-fn same_but_for_what_is_open(
-    problem: &Problem,
+pub(super) fn same_but_for_what_is_open(
+    free: &[Free],
     estimates: &[Estimate],
     a: &[f64],
     b: &[f64],
@@ -433,7 +457,7 @@ fn same_but_for_what_is_open(
         let apart = if f.wraps { apart.rem_euclid(1.0) } else { apart };
         if f.wraps { apart.min(1.0 - apart) } else { apart }
     };
-    problem.free.iter().zip(estimates).zip(a.iter().zip(b)).all(|((f, known), (a, b))| {
+    free.iter().zip(estimates).zip(a.iter().zip(b)).all(|((f, known), (a, b))| {
         known.interval_method == IntervalMethod::None || one(f, *a, *b) <= SAME
     })
 }
@@ -515,7 +539,8 @@ fn finish(
 
     let mut warnings = Vec::new();
     if !settled {
-        let why = format!("noise and weights still followed the model after {ROUNDS} rounds");
+        let rounds = rounds(options.purpose);
+        let why = format!("noise and weights still followed the model after {rounds} rounds");
         warnings.push(Warning::NotConverged { why });
     } else if !best.converged {
         let why = format!(
@@ -536,7 +561,7 @@ fn finish(
             delta_chi2: (m.chi2 - best.chi2) / scaled_by,
         })
         .filter(|m| m.delta_chi2 < WORTH)
-        .filter(|m| !same_but_for_what_is_open(&problem, &known.estimates, &m.values, &values))
+        .filter(|m| !same_but_for_what_is_open(problem.free, &known.estimates, &m.values, &values))
         .collect();
     rest.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     for other in &rest {

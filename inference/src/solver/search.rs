@@ -153,8 +153,8 @@ impl Residuals for Polish<'_, '_> {
         Ok(self.last.as_ref().map_or_else(|| DVector::zeros(0), |(_, s, _)| s.residual.clone()))
     }
 
-    /// Of a parameter that multiplies rates: what the linear parameters do not take up of it (Kaufman 1975). What is left out stands upright on the residuals where these are, so that
-    /// the minimum is the same.
+    /// Derivative by a parameter that multiplies rates, without evaluations: that of the rates, less its part in the space of the linear parameters' columns (Kaufman 1975). The full derivative of
+    /// the residuals has a second term, which lies in that space. Residuals are perpendicular to it, so that the slope of χ², and with it the minimum, is the same without the term.
     fn derivative(&mut self, at: &[f64], number: usize) -> Result<Option<DVector<f64>>, FitError> {
         let own = values(self.problem, at);
         if !self.problem.multiplies(&own, number) {

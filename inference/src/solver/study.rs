@@ -193,6 +193,11 @@ impl StudyModel {
         self.passes.iter_mut().map(one).collect()
     }
 
+    /// Returns the factors by which gain, size, extinction and errors of zero points multiply the light of a pass's samples (epochs × channels of the data), at the parameters' values; `None` for a pass that is not there.
+    pub fn factors(&self, number: usize, values: &[f64]) -> Option<Array2<f64>> {
+        self.passes.get(number).map(|pass| pass.factors(values))
+    }
+
     /// Returns the components, each of which has a coefficient.
     pub fn components(&self) -> &[Component] {
         &self.components
@@ -291,9 +296,8 @@ impl Pass {
         Ok(())
     }
 
-    fn summed(&self, rates: &TermRates, values: &[f64], components: &[Component]) -> Columns {
-        let materials = &self.study.pass().target.materials;
-        let owners = owners(&rates.terms, &|m| materials[m].name.as_str(), components);
+    /// Factors of the light of all samples, epochs × channels of the data: whatever multiplies it alike, whichever material it comes from.
+    fn factors(&self, values: &[f64]) -> Array2<f64> {
         let n = self.study.places().len();
         let channels = match &self.unit {
             Unit::Channels(channels) => channels.len(),
@@ -301,16 +305,33 @@ impl Pass {
         };
         let grey = self.shaping.gain.map_or(1.0, |k| values[k])
             * self.shaping.size.map_or(1.0, |k| values[k].powi(2));
-        let mut columns = Columns {
-            fixed: Array2::zeros((n, channels)),
-            columns: Array3::zeros((n, channels, components.len())),
-        };
         let zero = ZeroPoint::factors(&self.shaping.zero_points, values, n);
-        for c in 0..channels {
+        let mut factors = Array2::zeros((n, channels));
+        for (c, mut own) in factors.columns_mut().into_iter().enumerate() {
             let extinction: f64 = (self.shaping.extinction.iter())
                 .filter(|e| e.channels.as_ref().is_none_or(|all| all.contains(&c)))
                 .map(|e| values[e.parameter])
                 .sum();
+            for (i, own) in own.iter_mut().enumerate() {
+                *own = match extinction {
+                    0.0 => grey,
+                    k => grey * 10_f64.powf(-0.4 * k * self.airmass[i]),
+                } * zero[i];
+            }
+        }
+        factors
+    }
+
+    fn summed(&self, rates: &TermRates, values: &[f64], components: &[Component]) -> Columns {
+        let materials = &self.study.pass().target.materials;
+        let owners = owners(&rates.terms, &|m| materials[m].name.as_str(), components);
+        let factors = self.factors(values);
+        let (n, channels) = factors.dim();
+        let mut columns = Columns {
+            fixed: Array2::zeros((n, channels)),
+            columns: Array3::zeros((n, channels, components.len())),
+        };
+        for c in 0..channels {
             for i in 0..n {
                 let row = match &self.unit {
                     Unit::Channels(of) => match of[c] {
@@ -319,10 +340,7 @@ impl Pass {
                     },
                     Unit::Band(band) => rates.fluxes.slice(ndarray::s![i, *band, ..]),
                 };
-                let factor = match extinction {
-                    0.0 => grey,
-                    k => grey * 10_f64.powf(-0.4 * k * self.airmass[i]),
-                } * zero[i];
+                let factor = factors[[i, c]];
                 if let Some(held) = &self.held {
                     columns.fixed[[i, c]] += factor * held[[i, c]];
                 }

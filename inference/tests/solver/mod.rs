@@ -4,6 +4,7 @@
 
 mod box_wing;
 mod linear;
+mod minima;
 mod night;
 mod sphere;
 mod thinned;

@@ -5,15 +5,19 @@
 //! the light E = ∫∫ p F G/cosθ_i (cosθ_i + s x) dx dy, s = α sinθ. Row by row across the ellipse this stays smooth for every roughness and up to grazing
 //! incidence: there the near edge runs through the origin, and G falls to 0 on it within the width of the bell.
 
-use super::{Distribution, Fresnel, Lobe, Material, MaterialError, Model, cos_difference};
+use super::{Distribution, Fresnel, Lobe, Masking, Material, MaterialError, Model, cos_difference};
 use glam::DVec3;
+use std::collections::HashMap;
 use std::f64::consts::FRAC_1_PI;
+use std::sync::{LazyLock, Mutex, PoisonError};
 use sunglint_numerics::panels;
 
 /// The change from one order of the quadrature to the next, relative to the largest weight, at which it is taken as converged.
 const TOLERANCE: f64 = 1e-5;
 /// e^(−6.5²) is 5e-19.
 const BECKMANN_END: f64 = 6.5;
+/// Albedos that are remembered, at most: some 100 bytes each.
+const MOST_KEPT: usize = 1024;
 
 impl Material {
     /// The directional–hemispherical reflectance ∫ f_r cosθ_o dω_o at a wavelength (vacuum nm) for light from `i` (unit vector, surface's own
@@ -37,9 +41,9 @@ impl Material {
         match &self.model {
             Model::Lambert => sum[0] = 1.0,
             Model::Mirror { fresnel } => fresnel.add_weights(i.z, 1.0, &mut sum),
-            Model::Microfacet { lobe, fresnel } => sum = weights(lobe, fresnel, i)?,
+            Model::Microfacet { lobe, fresnel } => sum = kept_weights(lobe, fresnel, i)?,
             Model::Blend { lobe, fresnel, base } => {
-                let coat = weights(lobe, fresnel, i)?;
+                let coat = kept_weights(lobe, fresnel, i)?;
                 sum[..coat.len()].copy_from_slice(&coat);
                 base.add_albedo(i.z, &mut sum[coat.len()..]);
             }
@@ -47,6 +51,28 @@ impl Material {
         }
         Ok(sum)
     }
+}
+
+/// Everything that the weights depend on, by its bits: the lobe, what stands for the Fresnel law ([`Fresnel::key`]), the direction of light.
+type Key = (Distribution, Masking, [u64; 2], (u8, u64), [u64; 3]);
+
+/// [`weights`], remembered: a fit makes the same body anew in each of its steps, most lobes of which have not changed.
+fn kept_weights(lobe: &Lobe, fresnel: &Fresnel, i: DVec3) -> Result<Vec<f64>, MaterialError> {
+    static KEPT: LazyLock<Mutex<HashMap<Key, Vec<f64>>>> = LazyLock::new(Mutex::default);
+    let Some(law) = fresnel.key() else { return weights(lobe, fresnel, i) };
+    let alpha = [lobe.alpha_x.to_bits(), lobe.alpha_y.to_bits()];
+    let key = (lobe.distribution, lobe.masking, alpha, law, i.to_array().map(f64::to_bits));
+    let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = kept().get(&key) {
+        return Ok(known.clone());
+    }
+    let found = weights(lobe, fresnel, i)?;
+    let mut kept = kept();
+    if kept.len() >= MOST_KEPT {
+        kept.clear();
+    }
+    kept.insert(key, found.clone());
+    Ok(found)
 }
 
 /// The albedo of a lobe for light from `i`, above the horizon, one weight for each spectrum of the Fresnel term.
@@ -256,5 +282,50 @@ fn panels(
             panels::panel(first, last, order).for_each(|(x, width)| add(x, width));
         }
         j += 1.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_radiometry::spectrum::Spectrum;
+
+    /// Truth: the quadrature itself, bit for bit: for lobes and laws that differ in one number each, asked for twice, and again after more than are remembered.
+    #[test]
+    fn what_is_remembered_is_what_was_computed() {
+        let grey = || Spectrum::constant(0.5, 300.0, 1200.0).unwrap();
+        let laws = [
+            Fresnel::constant(grey()).unwrap(),
+            Fresnel::schlick(grey()).unwrap(),
+            Fresnel::dielectric(1.5, 300.0, 1200.0).unwrap(),
+            Fresnel::dielectric(1.6, 300.0, 1200.0).unwrap(),
+            Fresnel::dielectric(1.5, 300.0, 1200.0).unwrap().coherent(1.0),
+        ];
+        let mut lobes = Vec::new();
+        for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+            for masking in [Masking::Separable, Masking::HeightCorrelated] {
+                for (x, y) in [(0.3, 0.3), (0.3, 0.4), (0.4, 0.3)] {
+                    lobes.push(Lobe::anisotropic(distribution, x, y, masking).unwrap());
+                }
+            }
+        }
+        let directions = [DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.0, 0.6, 0.8), DVec3::Z];
+        let same = || {
+            for (lobe, law) in lobes.iter().flat_map(|l| laws.iter().map(move |f| (l, f))) {
+                for i in directions {
+                    let bits = |w: Vec<f64>| w.into_iter().map(f64::to_bits).collect::<Vec<_>>();
+                    let fresh = bits(weights(lobe, law, i).unwrap());
+                    assert_eq!(bits(kept_weights(lobe, law, i).unwrap()), fresh, "{lobe:?}");
+                }
+            }
+        };
+        same();
+        same();
+        for k in 0..MOST_KEPT {
+            let alpha = 1.0 + 1e-3 * k as f64;
+            let lobe = Lobe::isotropic(Distribution::Ggx, alpha.min(2.0), Masking::Separable);
+            kept_weights(&lobe.unwrap(), &laws[0], DVec3::new(0.0, 1e-3 * k as f64, 1.0)).unwrap();
+        }
+        same();
     }
 }

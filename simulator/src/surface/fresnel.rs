@@ -254,6 +254,20 @@ impl Fresnel {
         Ok(Some(Self { spectra, law, coherence, nodes, is_relative: false }))
     }
 
+    /// Key of its weights, which are those of every other term with the same key; `None` where they depend on more than two numbers.
+    pub(super) fn key(&self) -> Option<(u8, u64)> {
+        if self.coherence != 0.0 || !self.nodes.is_empty() {
+            return None;
+        }
+        match &self.law {
+            Law::Constant => Some((0, 0)),
+            Law::Schlick => Some((1, 0)),
+            Law::Dielectric(n) => Some((2, n.to_bits())),
+            Law::DielectricDifference(n) => Some((3, n.to_bits())),
+            Law::Conductor(_) => None,
+        }
+    }
+
     /// Whether it is the same at all angles.
     pub(super) fn is_constant(&self) -> bool {
         matches!(self.law, Law::Constant) && self.coherence == 0.0

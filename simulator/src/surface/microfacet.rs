@@ -19,7 +19,7 @@ pub const LEAST_ALPHA: f64 = 1e-5;
 pub const LARGEST_ALPHA: f64 = 2.0;
 
 /// How the slopes of microfacets are distributed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Distribution {
     /// Gaussian: exp(−tan²θ/α²)/(π α² cos⁴θ).
@@ -29,7 +29,9 @@ pub enum Distribution {
 }
 
 /// How masking (towards the observer) and shadowing (towards the light) go together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Deserialize, serde::Serialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Masking {
     /// Independent masking and shadowing: G = G₁(i) G₁(o).
