@@ -19,6 +19,7 @@ mod mesh_shapes;
 mod observations;
 mod pass;
 mod picture;
+mod pieces;
 mod polarisation;
 mod ranging;
 mod shine;

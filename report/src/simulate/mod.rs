@@ -123,7 +123,7 @@ impl SimulationReport<'_> {
             table.columns.push(Column::f64(name, unit, values.to_vec()).described(what));
         };
         let degree = "degree of linear polarisation, 0 to 1";
-        let error = "how far off that may be";
+        let error = "bound of the error of the degree; inf where no light may be left";
         add("v_polarisation".into(), None, &found.v, degree);
         add("v_polarisation_error".into(), None, &found.v_error, error);
         for (c, channel) in self.simulation.channels.iter().enumerate() {

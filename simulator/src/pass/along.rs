@@ -14,6 +14,7 @@ use super::functionals::Functionals;
 use super::simulate::{Place, first_error};
 use super::{Pass, PassError, Ready};
 use crate::light::{Engine, Source};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sunglint_formats::time::tai_nanoseconds;
@@ -60,6 +61,30 @@ struct Nodes {
     off: Vec<Vec<f64>>,
 }
 
+/// One epoch, as far as the choice of nodes needs it: a pass in pieces holds no more of all its epochs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sketch {
+    time_s: f64,
+    sun_body: DVec3,
+    observer_body: DVec3,
+    /// Whether the body is in the Earth's shadow wholly; whether it is outside.
+    shadow: [bool; 2],
+}
+
+impl Sketch {
+    pub fn of(place: &Place) -> Self {
+        Self {
+            time_s: tai_nanoseconds(place.geometry.epoch) as f64 * 1e-9,
+            sun_body: place.sun_body,
+            observer_body: place.observer_body,
+            shadow: [place.sunlit <= 0.0, place.sunlit >= 1.0],
+        }
+    }
+}
+
+/// The place of an epoch, by its number in the pass.
+pub(super) type PlaceOf<'a> = dyn Fn(usize) -> Result<Place, PassError> + Sync + 'a;
+
 pub(super) fn indirect(source: Source) -> bool {
     !matches!(source, Source::Direct | Source::Unknown)
 }
@@ -68,23 +93,23 @@ impl Along {
     /// Computes the nodes; `None` where every epoch is better computed for itself: single observations, few epochs, equal times, no indirect light.
     ///
     /// # Errors
-    /// [`PassError::Light`].
+    /// [`PassError::Light`]; the errors of `place`.
     pub fn new(
         ready: &Ready<'_>,
-        places: &[Place],
+        sketches: &[Sketch],
+        place: &PlaceOf<'_>,
         tick: &(dyn Fn() + Sync),
     ) -> Result<Option<Self>, PassError> {
         let (pass, engine) = (ready.pass, &ready.engine);
         let has = |wanted: &dyn Fn(Source) -> bool| {
             engine.terms()[..engine.lit_terms()].iter().any(|t| wanted(t.source))
         };
-        if places.len() < LEAST_EPOCHS || !pass.observations.is_empty() || !has(&indirect) {
+        if sketches.len() < LEAST_EPOCHS || !pass.observations.is_empty() || !has(&indirect) {
             return Ok(None);
         }
-        let seconds = |p: &Place| tai_nanoseconds(p.geometry.epoch) as f64 * 1e-9;
-        let mut order: Vec<usize> = (0..places.len()).collect();
-        order.sort_by(|a, b| seconds(&places[*a]).total_cmp(&seconds(&places[*b])));
-        let times_s: Vec<f64> = order.iter().map(|i| seconds(&places[*i])).collect();
+        let mut order: Vec<usize> = (0..sketches.len()).collect();
+        order.sort_by(|a, b| sketches[*a].time_s.total_cmp(&sketches[*b].time_s));
+        let times_s: Vec<f64> = order.iter().map(|i| sketches[*i].time_s).collect();
         if times_s.windows(2).any(|t| t[1] <= t[0]) {
             return Ok(None);
         }
@@ -101,10 +126,11 @@ impl Along {
                 _ => TURN_RAD,
             };
             let (order, times_s) = (&order[..], &times_s[..]);
-            let course = Course { ready, places, source, of_tolerance, order, times_s, tick };
+            let course =
+                Course { ready, sketches, place, source, of_tolerance, order, times_s, tick };
             ways.push(course.nodes(turn_rad)?);
         }
-        let mut place = vec![0; places.len()];
+        let mut place = vec![0; sketches.len()];
         order.iter().enumerate().for_each(|(k, i)| place[*i] = k);
         Ok(Some(Self { place, times_s, ways }))
     }
@@ -182,7 +208,8 @@ fn cubic(rows: &[(f64, &[f64])], term: usize) -> f64 {
 /// A pass whose nodes are looked for.
 struct Course<'a> {
     ready: &'a Ready<'a>,
-    places: &'a [Place],
+    sketches: &'a [Sketch],
+    place: &'a PlaceOf<'a>,
     /// The way that the light came.
     source: Source,
     /// Share of the tolerance of all light that the cubic may be off.
@@ -196,8 +223,8 @@ struct Course<'a> {
 type Rows = BTreeMap<usize, (Row, Vec<f64>)>;
 
 impl Course<'_> {
-    fn at(&self, k: usize) -> &Place {
-        &self.places[self.order[k]]
+    fn at(&self, k: usize) -> &Sketch {
+        &self.sketches[self.order[k]]
     }
 
     /// The light at all nodes, from first ones that are so far apart.
@@ -218,7 +245,7 @@ impl Course<'_> {
         let (mut all, mut before) = (vec![0, last], 0);
         for k in 1..=last {
             let [a, b] = [before, k].map(|k| self.at(k));
-            let turned = |a: glam::DVec3, b: glam::DVec3| a.angle_between(b) > turn_rad;
+            let turned = |a: DVec3, b: DVec3| a.angle_between(b) > turn_rad;
             if k - before > FARTHEST
                 || turned(a.sun_body, b.sun_body)
                 || turned(a.observer_body, b.observer_body)
@@ -226,8 +253,7 @@ impl Course<'_> {
                 before = (k - 1).max(before + 1);
                 all.push(before);
             }
-            let state = |k: usize| [self.at(k).sunlit <= 0.0, self.at(k).sunlit >= 1.0];
-            if state(k - 1) != state(k) {
+            if self.at(k - 1).shadow != self.at(k).shadow {
                 all.extend([k - 1, k]);
             }
         }
@@ -304,9 +330,9 @@ impl Course<'_> {
         let rows = places.par_iter().map_init(
             || self.ready.eye(),
             |eye, k| {
-                let place = self.at(*k);
-                let row = eye.weigh_some(place, &|source| source == self.source)?;
-                let (straight, _) = eye.weigh_some(place, &|source| source == Source::Direct)?;
+                let place = (self.place)(self.order[*k])?;
+                let row = eye.weigh_some(&place, &|source| source == self.source)?;
+                let (straight, _) = eye.weigh_some(&place, &|source| source == Source::Direct)?;
                 let all: Vec<f64> = straight.iter().zip(&row.0).map(|(a, b)| a + b).collect();
                 (self.tick)();
                 let light = self.ready.functionals.sums_above(self.ready.pass, &all);
@@ -383,7 +409,9 @@ mod tests {
             let pass = pass(target, times, step_s, attitude);
             let places = pass.places(&|| ()).unwrap();
             let ready = pass.ready_for(&pass.course(&places)).unwrap();
-            let Some(along) = Along::new(&ready, &places, &|| ()).unwrap() else {
+            let sketches: Vec<Sketch> = places.iter().map(Sketch::of).collect();
+            let Some(along) = Along::new(&ready, &sketches, &|i| Ok(places[i]), &|| ()).unwrap()
+            else {
                 println!("{target}: nothing indirect");
                 continue;
             };

@@ -9,6 +9,7 @@ use crate::light::engine::left_out;
 use crate::light::{Course, Globe, Lighting, Need, SceneReport, View};
 use glam::DVec3;
 use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 
 /// Needs of a pass.
@@ -53,37 +54,62 @@ impl Pass {
 
     /// Returns the known facts about the trajectory that the target takes.
     pub(super) fn course(&self, places: &[Place]) -> Course {
-        let mut course = Course {
-            epochs: places.len(),
+        let mut survey = Survey::new(self);
+        places.iter().for_each(|place| survey.add(place));
+        survey.course()
+    }
+}
+
+/// What is known of the trajectory, found epoch by epoch.
+pub(super) struct Survey<'a> {
+    pass: &'a Pass,
+    course: Course,
+    /// A number of each geometry: a million of them are held in 20 MB.
+    geometries: HashSet<u64>,
+    most: f64,
+}
+
+impl<'a> Survey<'a> {
+    pub fn new(pass: &'a Pass) -> Self {
+        let course = Course {
             range_m: f64::INFINITY,
             radius_m: (f64::INFINITY, 0.0),
             sun_radius_rad: 0.0,
             phase_rad: 0.0,
             earthshine: 0.0,
-            shadow: self.shadow.is_some(),
+            shadow: pass.shadow.is_some(),
             ..Course::default()
         };
-        let mut geometries = HashSet::new();
-        let most = self.earth.most();
-        for place in places {
-            let lighting = place.lighting();
-            let radius_m = place.geometry.target.position_m.length();
-            course.range_m = course.range_m.min(place.geometry.range_m);
-            course.radius_m = (course.radius_m.0.min(radius_m), course.radius_m.1.max(radius_m));
-            course.sun_radius_rad = course.sun_radius_rad.max(lighting.sun_radius_rad);
-            course.phase_rad = course.phase_rad.max(place.geometry.phase_rad);
-            let bound = |earth| crate::light::engine::earthshine(&earth, most);
-            let earthshine = lighting.earth.map_or(0.0, bound);
-            course.earthshine = course.earthshine.max(earthshine);
-            let shaded = self.shadow.is_some() && place.sunlit < 1.0;
-            course.umbra += usize::from(shaded && place.sunlit == 0.0);
-            course.penumbra += usize::from(shaded && place.sunlit > 0.0);
-            // A microradian apart is another geometry.
-            let cell = |d: DVec3| (d * 1e6).round().to_array().map(|x| x as i64);
-            geometries.insert((cell(place.sun_body), cell(place.observer_body)));
-        }
-        course.geometries = geometries.len();
-        course
+        Self { pass, course, geometries: HashSet::new(), most: pass.earth.most() }
+    }
+
+    /// Takes one more epoch in.
+    pub fn add(&mut self, place: &Place) {
+        let course = &mut self.course;
+        let lighting = place.lighting();
+        let radius_m = place.geometry.target.position_m.length();
+        course.epochs += 1;
+        course.range_m = course.range_m.min(place.geometry.range_m);
+        course.radius_m = (course.radius_m.0.min(radius_m), course.radius_m.1.max(radius_m));
+        course.sun_radius_rad = course.sun_radius_rad.max(lighting.sun_radius_rad);
+        course.phase_rad = course.phase_rad.max(place.geometry.phase_rad);
+        let bound = |earth| crate::light::engine::earthshine(&earth, self.most);
+        let earthshine = lighting.earth.map_or(0.0, bound);
+        course.earthshine = course.earthshine.max(earthshine);
+        let shaded = self.pass.shadow.is_some() && place.sunlit < 1.0;
+        course.umbra += usize::from(shaded && place.sunlit == 0.0);
+        course.penumbra += usize::from(shaded && place.sunlit > 0.0);
+        // A microradian apart is another geometry.
+        let cell = |d: DVec3| (d * 1e6).round().to_array().map(|x| x as i64);
+        // With the same keys in every run, so that the number of geometries is the same.
+        let mut hasher = DefaultHasher::new();
+        (cell(place.sun_body), cell(place.observer_body)).hash(&mut hasher);
+        self.geometries.insert(hasher.finish());
+    }
+
+    /// What is known of all epochs.
+    pub fn course(self) -> Course {
+        Course { geometries: self.geometries.len(), ..self.course }
     }
 }
 

@@ -7,6 +7,7 @@
 //!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
 //! - [`Simulation`]: the curves and tables of the result;
 //! - [`Simulation::exposure_means`]: means over exposures in place of their middles, where the light changes while one is taken;
+//! - [`Pass::simulate_in_pieces`]: the same for more epochs than memory holds results of;
 //! - [`Pass::ready`]: the same for single moments, of any orbit;
 //! - [`Study`]: the same again and again with another attitude or body: for fits.
 //!
@@ -42,6 +43,7 @@ mod keys;
 mod material;
 mod moments;
 mod observation;
+mod pieces;
 mod polarisation;
 mod promise;
 mod ready;

@@ -14,16 +14,17 @@ const V: usize = 2;
 /// Linear polarisation of a body's light along a pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polarisation {
-    /// By channel of the station and sample: degree of linear polarisation, 0 to 1, after the air; NaN without light and below the horizon.
+    /// Degree of linear polarisation, 0 to 1, after the air, by channel of the station and sample; NaN without light and below the horizon.
     pub channels: Vec<Vec<f64>>,
-    /// Bound of the error of each: the simulation's stated error, light between surfaces and from the Earth, and the light of materials whose polarisation is not known,
-    /// each as if it was polarised wholly.
+    /// Bound of the error of the degree, by channel and sample. Light between surfaces and from the Earth, the light of materials whose polarisation is not known, and
+    /// what the simulation's stated error leaves open may each be polarised wholly, in either direction. Above 1 nothing is known of the degree; infinite where no light
+    /// may be left, NaN where the degree is.
     pub channels_error: Vec<Vec<f64>>,
-    /// By sample: the same in V, before the air; NaN without light.
+    /// Degree of linear polarisation in V, 0 to 1, before the air, by sample; NaN without light.
     pub v: Vec<f64>,
-    /// Bound of its error.
+    /// Bound of the error of the degree in V, by sample, as [`Polarisation::channels_error`] but with the stated error of V.
     pub v_error: Vec<f64>,
-    /// By sample: position angle of the electric field's direction, from north through east (ICRS), 0 to 180 deg, as the IAU counts it.
+    /// Position angle of the electric field, from north through east (ICRS), 0 to 180 deg, as the IAU counts it, by sample.
     pub angle_deg: Vec<f64>,
     /// Materials whose polarisation is not known: they have no refractive index.
     pub unknown: Vec<String>,
@@ -31,6 +32,15 @@ pub struct Polarisation {
 
 fn material(error: &MaterialError) -> PassError {
     PassError::Input { needs: "the polarised part of a material", found: error.to_string() }
+}
+
+/// Bound of the error of a degree of polarisation, by the light whose polarisation is not known and by the stated error of all light, both of that light.
+///
+/// Let Q̂ be the polarised part that was found and d = Q̂/Î its degree. The light of unknown polarisation, U, changes Q by U at most. The light is I = Î + e with |e| ≤ E. What is
+/// more or less of it may itself be polarised wholly, in either direction: that changes Q by E at most. So Q/I − Q̂/Î = (Q − Q̂ − d e)/I is within (U + (1 + d) E)/(Î − E).
+fn bound(degree: f64, unknown: f64, stated: f64) -> f64 {
+    let left = 1.0 - stated;
+    if left <= 0.0 { f64::INFINITY } else { (unknown + (1.0 + degree) * stated) / left }
 }
 
 /// Position angle of the direction perpendicular to the plane of Sun, body and observer, where the body is seen in a direction, deg.
@@ -80,11 +90,13 @@ impl Simulation<'_> {
                 true => part.rate_hz[row] / all.rate_hz[row],
                 false => f64::NAN,
             };
-            let error = |row: usize| {
-                let rest = (all.rate_hz[row] - known.rate_hz[row]).abs();
-                // Of the part and of the whole. The part's own also holds what was left out of it, which is in the rest.
-                let stated = 2.0 * degree(row) * all.error_hz[row];
-                (rest + stated) / all.rate_hz[row]
+            let error = |row: usize| match all.rate_hz[row] > 0.0 {
+                true => {
+                    let all_hz = all.rate_hz[row];
+                    let rest = (all_hz - known.rate_hz[row]).abs() / all_hz;
+                    bound(degree(row), rest, all.error_hz[row] / all_hz)
+                }
+                false => f64::NAN,
             };
             channels.push((0..samples).map(degree).collect());
             channels_error.push((0..samples).map(error).collect());
@@ -99,16 +111,10 @@ impl Simulation<'_> {
             }
         };
         let v: Vec<f64> = (0..samples).map(|row| share(&polarised, row)).collect();
-        // The stated error is that of the channels, where there are any.
-        let stated = |row: usize| {
-            self.channels
-                .iter()
-                .map(|c| c.error_hz[row] / c.rate_hz[row])
-                .filter(|relative| relative.is_finite())
-                .fold(0.0, f64::max)
-        };
+        // The magnitude's error is by how much fainter the light may be: of the light that is 1 − 10^(−0.4 Δm).
+        let stated = |row: usize| 1.0 - 10_f64.powf(-0.4 * self.magnitude_errors[[row, V]]);
         let v_error = (0..samples)
-            .map(|row| (1.0 - share(&known, row)).abs() + 2.0 * v[row] * stated(row))
+            .map(|row| bound(v[row], (1.0 - share(&known, row)).abs(), stated(row)))
             .collect();
         let angle = |place: &super::Place| {
             angle_deg(-place.geometry.to_observer, place.geometry.sun.direction_gcrs)

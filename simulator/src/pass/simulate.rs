@@ -1,6 +1,6 @@
 //! The way through a pass: places, light, counts.
 
-use super::along::Along;
+use super::along::{Along, Sketch};
 use super::counts::{Counts, Light};
 use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, Ready, shadow};
@@ -198,43 +198,15 @@ impl Pass {
 
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
-        let along = Along::new(&ready, &places, &|| tick(Stage::Light))?;
-        let lit = places.par_iter().enumerate().map_init(
-            || ready.eye(),
-            |eye, (i, place)| {
-                let lit = match &along {
-                    None => eye.weigh(place),
-                    Some(along) => eye.weigh_beside(place, &|w, e| along.add(i, w, e)),
-                };
-                let lit = lit.map(|(w, e)| (w.to_vec(), e.to_vec()));
-                tick(Stage::Light);
-                lit
-            },
-        );
-        let lit: Vec<(Vec<f64>, Vec<f64>)> = first_error(lit.collect())?;
+        let sketches: Vec<Sketch> = places.iter().map(Sketch::of).collect();
+        let along = Along::new(&ready, &sketches, &|i| Ok(places[i]), &|| tick(Stage::Light))?;
+        drop(sketches);
+        let lit = ready.lit(&places, along.as_ref(), 0, &|| tick(Stage::Light))?;
 
         begin(Stage::Counts);
         counter.store(0, Ordering::Relaxed);
-        let counts = first_error(
-            places
-                .par_iter()
-                .zip(&lit)
-                .enumerate()
-                .map(|(i, (place, (weights, errors)))| {
-                    let light = Light { weights, errors };
-                    let counts = self.counts(place, self.exposure_s[i], light, functionals);
-                    tick(Stage::Counts);
-                    counts
-                })
-                .collect(),
-        )?;
-        let bounds = Bounds {
-            transmission: functionals.sums.interpolation_error(),
-            transmission_nodes: functionals.sums.nodes(),
-            rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
-            indirect_epochs: along.as_ref().map_or(of, Along::computed),
-            light_relative: lit.iter().fold(0.0, |most, (w, e)| most.max(ready.relative(w, e))),
-        };
+        let counts = ready.counted(&places, &lit, &self.exposure_s, &|| tick(Stage::Counts))?;
+        let bounds = ready.bounds(along.as_ref(), of, &lit, &counts);
         let simulation = self.gathered(places, &lit, counts, bounds, &ready);
         begin(Stage::Done);
         Ok(simulation)
@@ -300,20 +272,19 @@ impl Pass {
         Ok(SkyFrames::over(first, last, self.orientation())?)
     }
 
-    /// Where everything stands at all epochs, before any air.
-    pub(super) fn places(&self, tick: &(dyn Fn() + Sync)) -> Result<Vec<Place>, PassError> {
+    /// Frames and orbit for all epochs, whichever of them are asked for.
+    pub(super) fn way(&self) -> Result<Way<'_>, PassError> {
         let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
         let (first, last) = self.ends();
         let (first, last) = (first + later, last + later);
         let frames = self.frames(first, last)?;
         let orbit = self.orbit.near(first, last);
-        let place = |(i, epoch): (usize, &Epoch)| {
-            let (orbit, site) = self.of_sample(i, &orbit);
-            let place = self.place_from(site, *epoch + later, orbit, &frames);
-            tick();
-            place
-        };
-        first_error(self.times.par_iter().enumerate().map(place).collect())
+        Ok(Way { pass: self, later, frames, orbit })
+    }
+
+    /// Where everything stands at all epochs, before any air.
+    pub(super) fn places(&self, tick: &(dyn Fn() + Sync)) -> Result<Vec<Place>, PassError> {
+        self.way()?.places(0..self.times.len(), tick)
     }
 
     /// Where everything stands at an epoch; nothing is said of air and horizon yet.
@@ -406,10 +377,10 @@ impl Pass {
         Ok(())
     }
 
-    fn gathered(
+    pub(super) fn gathered(
         &self,
         places: Vec<Place>,
-        lit: &[(Vec<f64>, Vec<f64>)],
+        lit: &[Lit],
         mut counts: Vec<Counts>,
         bounds: Bounds,
         ready: &Ready<'_>,
@@ -463,6 +434,100 @@ impl Pass {
             limits: counts.iter().map(|c| c.limit).collect(),
             scene: ready.report().clone(),
             needs: engine.needs().to_vec(),
+        }
+    }
+}
+
+/// The weights of an epoch, m² sr⁻¹, and their errors.
+pub(super) type Lit = (Vec<f64>, Vec<f64>);
+
+/// Frames and orbit for all epochs of a pass: the same for any part of them.
+pub(super) struct Way<'a> {
+    pass: &'a Pass,
+    later: hifitime::Duration,
+    frames: SkyFrames<'a>,
+    orbit: Orbit,
+}
+
+impl Way<'_> {
+    /// Where everything stands at an epoch, before any air.
+    pub fn place(&self, i: usize) -> Result<Place, PassError> {
+        let (orbit, site) = self.pass.of_sample(i, &self.orbit);
+        self.pass.place_from(site, self.pass.times[i] + self.later, orbit, &self.frames)
+    }
+
+    /// The same of several epochs, side by side.
+    pub fn places(
+        &self,
+        of: std::ops::Range<usize>,
+        tick: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Place>, PassError> {
+        let place = |i: usize| {
+            let place = self.place(i);
+            tick();
+            place
+        };
+        first_error(of.into_par_iter().map(place).collect())
+    }
+}
+
+impl Ready<'_> {
+    /// The light at places that follow one another in the pass, the first of them at an epoch.
+    pub(super) fn lit(
+        &self,
+        places: &[Place],
+        along: Option<&Along>,
+        first: usize,
+        tick: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Lit>, PassError> {
+        let lit = places.par_iter().enumerate().map_init(
+            || self.eye(),
+            |eye, (i, place)| {
+                let lit = match along {
+                    None => eye.weigh(place),
+                    Some(along) => eye.weigh_beside(place, &|w, e| along.add(first + i, w, e)),
+                };
+                let lit = lit.map(|(w, e)| (w.to_vec(), e.to_vec()));
+                tick();
+                lit
+            },
+        );
+        first_error(lit.collect())
+    }
+
+    /// Spectra, rates and magnitudes of places with their light and exposures (s).
+    pub(super) fn counted(
+        &self,
+        places: &[Place],
+        lit: &[Lit],
+        exposure_s: &[f64],
+        tick: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Counts>, PassError> {
+        let counts = places.par_iter().zip(lit).zip(exposure_s).map(
+            |((place, (weights, errors)), exposure_s)| {
+                let light = Light { weights, errors };
+                let counts = self.pass.counts(place, *exposure_s, light, &self.functionals);
+                tick();
+                counts
+            },
+        );
+        first_error(counts.collect())
+    }
+
+    /// The known errors of epochs, of a pass of so many.
+    pub(super) fn bounds(
+        &self,
+        along: Option<&Along>,
+        of: usize,
+        lit: &[Lit],
+        counts: &[Counts],
+    ) -> Bounds {
+        Bounds {
+            transmission: self.functionals.sums.interpolation_error(),
+            transmission_nodes: self.functionals.sums.nodes(),
+            rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
+            indirect_epochs: along.map_or(of, Along::computed),
+            light_relative: lit.iter().fold(0.0, |most, (w, e)| most.max(self.relative(w, e))),
         }
     }
 }

@@ -1,0 +1,115 @@
+//! A pass in pieces against the same pass at once.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
+
+use std::num::NonZeroUsize;
+use sunglint_simulator::pass::{Overrides, Pass, PassError, PassFile, Simulation};
+
+fn pass(target: &str, times: &str) -> Pass {
+    let text = format!(
+        "[target]\nbuilt_in = \"{target}\"\n[orbit]\nlines = [\n\
+         \"1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\",\n\
+         \"2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\"]\n\
+         [station]\nname = \"ufo\"\n[times]\n{times}\n\
+         [attitude]\nlaw = \"spin\"\naxis_body = [0, 0, 1]\naxis_gcrs = [0.3, 0.5, 0.8]\nperiod_s = 60.0\nepoch_utc = 2008-09-21T18:46:00Z\n"
+    );
+    PassFile::parse("p.toml", &text).unwrap().resolve(Overrides::default()).unwrap()
+}
+
+/// All numbers of some epochs, as bits: NaN is equal to itself.
+fn rows(simulation: &Simulation<'_>) -> Vec<Vec<u64>> {
+    let row = |i: usize| {
+        let place = &simulation.places[i];
+        let mut row: Vec<f64> = place.sun_body.to_array().to_vec();
+        row.extend(place.observer_body.to_array());
+        row.extend([place.sunlit, place.geometry.range_m, simulation.pass.exposure_s[i]]);
+        row.push(place.apparent_zenith_deg.unwrap_or(f64::NAN));
+        for matrix in [
+            &simulation.weights,
+            &simulation.errors,
+            &simulation.spectra,
+            &simulation.magnitudes,
+            &simulation.magnitude_errors,
+            &simulation.ground_magnitudes,
+            &simulation.hinges_deg,
+        ] {
+            row.extend(matrix.row(i));
+        }
+        row.extend(simulation.spectra_errors.row(i).iter().map(|e| f64::from(*e)));
+        for c in &simulation.channels {
+            row.extend([c.rate_hz[i], c.error_hz[i], c.above_air_hz[i], c.uncovered_nm[i]]);
+            row.push(c.predicted[i].sigma_hz.unwrap_or(-1.0));
+        }
+        row.push(f64::from(simulation.flags(i).bits()));
+        row.iter().map(|v| v.to_bits()).collect()
+    };
+    (0..simulation.places.len()).map(row).collect()
+}
+
+/// Truth: the same pass at once, to the bit, and the text of its tables. Pieces of 7, of one, of all and of more; bounces and earthshine between nodes, hinges, a sphere, an entry into the Earth's shadow, times
+/// that do not increase.
+#[test]
+fn pieces_are_the_pass_to_the_bit() {
+    let dense = "from = 2008-09-21T18:49:00Z\nto = 2008-09-21T18:49:12Z\nstep_s = 0.2";
+    let shadow = "from = 2008-09-21T18:48:00Z\nto = 2008-09-21T18:52:00Z\nstep_s = 5";
+    for (target, times) in [
+        ("box_wing", dense),
+        ("box_with_panels", shadow),
+        ("lambert_sphere", dense),
+        ("corner", shadow),
+    ] {
+        let mut pass = pass(target, times);
+        if target == "lambert_sphere" {
+            pass.times.reverse();
+        }
+        let whole = pass.simulate(&|_| ()).unwrap();
+        assert!(whole.has_light(), "{target}");
+        let known = rows(&whole);
+        let curve = whole.light_curve("c").to_table().unwrap();
+        let geometry = whole.geometry_table("c");
+        for epochs in [7, 1, pass.times.len(), 1000] {
+            let (mut found, mut counted) = (Vec::new(), 0);
+            let bounds = pass
+                .simulate_in_pieces(NonZeroUsize::new(epochs).unwrap(), &|_| (), |piece| {
+                    assert!(piece.places.len() <= epochs);
+                    let times = &pass.times[counted..counted + piece.places.len()];
+                    assert_eq!(piece.pass.times, times);
+                    counted += times.len();
+                    found.extend(rows(piece));
+                    // What stands above the rows of a table is the same in all pieces.
+                    for (own, all) in [
+                        (piece.light_curve("c").to_table().unwrap(), &curve),
+                        (piece.geometry_table("c"), &geometry),
+                    ] {
+                        assert_eq!(own.meta, all.meta);
+                        let names = |t: &sunglint_formats::Table| {
+                            t.columns.iter().map(|c| c.name.clone()).collect::<Vec<_>>()
+                        };
+                        assert_eq!(names(&own), names(all));
+                    }
+                    Ok::<(), PassError>(())
+                })
+                .unwrap();
+            assert_eq!(found, known, "{target} {epochs}");
+            assert_eq!(bounds, whole.bounds, "{target} {epochs}");
+        }
+    }
+}
+
+/// Truth: by hand. What `each` says ends the work, after the pieces before it.
+#[test]
+fn an_error_of_the_taker_ends_the_work() {
+    let pass = pass(
+        "lambert_sphere",
+        "from = 2008-09-21T18:49:00Z\nto = 2008-09-21T18:49:09Z\nstep_s = 1",
+    );
+    let mut pieces = 0;
+    let ended = pass.simulate_in_pieces(NonZeroUsize::new(4).unwrap(), &|_| (), |_| {
+        pieces += 1;
+        match pieces {
+            2 => Err(PassError::Input { needs: "a disk", found: "a full one".into() }),
+            _ => Ok(()),
+        }
+    });
+    assert!(ended.unwrap_err().to_string().contains("a full one"));
+    assert_eq!(pieces, 2);
+}
