@@ -2,6 +2,7 @@
 
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
+use anyhow::Context as _;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use sunglint_calibration::photometry::field::{FieldOptions, find};
@@ -115,12 +116,13 @@ pub fn run(args: &DetectArgs, console: Console) -> anyhow::Result<()> {
     progress.begin("frames", Some(files.len() as u64));
     let mut frames = Vec::new();
     for (i, path) in files.iter().enumerate() {
-        let frame = ImageFrame::read(path)?;
+        let frame = ImageFrame::read_whenever(path)?;
         let mut options = args.search.options();
         options.saturation_adu = frame.header.saturation_adu;
         options.gain_e_per_adu = frame.header.gain_e_per_adu;
         options.is_mosaic = frame.header.bayer.is_some();
-        let field = find(frame.pixels.view(), &options)?;
+        let field =
+            find(frame.pixels.view(), &options).with_context(|| path.display().to_string())?;
         frames.push(Detected::new(&frame.header, field, frame.pixels.view(), report::is_drawn(i)));
         progress.advance(1);
     }

@@ -60,7 +60,7 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
     let mut frames = Vec::new();
     progress.begin("frames", Some(files.len() as u64));
     for path in &files {
-        let frame = ImageFrame::read(path)?;
+        let frame = ImageFrame::read_whenever(path)?;
         let mut options = args.search.options();
         options.saturation_adu = frame.header.saturation_adu;
         options.gain_e_per_adu = frame.header.gain_e_per_adu;

@@ -169,13 +169,33 @@ impl ImageFrame {
     /// The first image of a FITS file in memory.
     ///
     /// # Errors
-    /// A [`ParseError`] with the keyword. A tile-compressed image and a colour cube are refused by name.
+    /// A [`ParseError`] with the keyword. A colour cube is refused by name.
     pub fn from_fits(fits: &Fits) -> Result<Self, ParseError> {
+        Self::with_time(fits, true)
+    }
+
+    /// Reads a file for a purpose to which the time does not matter: where the header's time cannot be understood, a note says why, and there is none.
+    ///
+    /// # Errors
+    /// The errors of [`read`](Self::read), but for those of the time.
+    pub fn read_whenever(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        Ok(Self::with_time(&Fits::read(path)?, false)?)
+    }
+
+    fn with_time(fits: &Fits, is_needed: bool) -> Result<Self, ParseError> {
         let path = fits.path();
-        let index = fits.first(Kind::Image).or_else(|| fits.first(Kind::CompressedImage));
+        // Lists of numbers and images of a few cells stand before the frame in some files, or after tables.
+        let planes = |hdu: &crate::fits::Hdu| {
+            fits.axes(hdu).is_ok_and(|axes| axes.iter().filter(|length| **length > 1).count() >= 2)
+        };
+        let frame = fits.hdus().iter().position(|hdu| hdu.kind() == Kind::Image && planes(hdu));
+        let index =
+            frame.or_else(|| fits.first(Kind::Image)).or_else(|| fits.first(Kind::CompressedImage));
         let index =
             index.ok_or_else(|| ParseError::new(path, "no image", "a FITS file with a frame"))?;
-        let Image { header, pixels } = fits.image(index)?;
+        let is_packed = fits.hdus().get(index).is_some_and(|h| h.kind() == Kind::CompressedImage);
+        let image = if is_packed { fits.compressed_image(index) } else { fits.image(index) };
+        let Image { header, pixels } = image?;
         // The primary header holds what an image in an extension leaves out.
         let mut cards = header;
         if let Some(primary) = fits.hdus().first().filter(|_| index > 0) {
@@ -190,7 +210,7 @@ impl ImageFrame {
         }
         let (pixels, full) = plane(path, pixels)?;
         let size = [pixels.ncols(), pixels.nrows()];
-        let mut header = FrameHeader::of(path, cards, size)?;
+        let mut header = FrameHeader::understood(path, cards, size, is_needed)?;
         header.saturation_adu = header.saturation_adu.or(full);
         let mut pixels = pixels;
         if header.pedestal_adu != 0.0 {
@@ -246,9 +266,29 @@ impl FrameHeader {
     /// # Errors
     /// A [`ParseError`] with the keyword for a number out of its range, a time that is none, a `TIMESYS` that is not known.
     pub fn of(path: &Path, cards: Header, size: [usize; 2]) -> Result<Self, ParseError> {
+        Self::understood(path, cards, size, true)
+    }
+
+    fn understood(
+        path: &Path,
+        cards: Header,
+        size: [usize; 2],
+        needs_time: bool,
+    ) -> Result<Self, ParseError> {
         let mut reading = Reading { path, cards: &cards, notes: Vec::new() };
         let exposure_s = reading.exposure()?;
-        let time = reading.time(exposure_s)?;
+        let time = match reading.time(exposure_s) {
+            Err(error) if !needs_time => {
+                let field = error.field.as_deref().unwrap_or("the time");
+                let words = format!(
+                    "{field} is not read: found {}, expected {}",
+                    error.found, error.expected
+                );
+                reading.notes.push(words);
+                None
+            }
+            time => time?,
+        };
         let kind = reading.kind();
         let program = ["SWCREATE", "CREATOR", "PROGRAM", "SOFTWARE", "ORIGIN"]
             .into_iter()
@@ -882,5 +922,36 @@ mod tests {
             let error = ImageFrame::from_fits(&fits).unwrap_err().to_string();
             assert!(error.contains("expected one plane of pixels"), "{error}");
         }
+    }
+
+    /// A frame of a program that writes `N/A` for its time: its pixels are as good as any.
+    #[test]
+    fn a_time_that_is_none_matters_only_where_time_does() {
+        let cards = "DATE-OBS= 'N/A'\nEXPTIME = 2".lines();
+        let mut bytes = Vec::new();
+        let head = [
+            "SIMPLE  =                    T",
+            "BITPIX  =                    8",
+            "NAXIS   =                    2",
+            "NAXIS1  =                    3",
+            "NAXIS2  =                    2",
+        ];
+        for card in head.into_iter().chain(cards).chain(["END"]) {
+            bytes.extend(format!("{card:<80}").into_bytes());
+        }
+        bytes.resize(2880, b' ');
+        bytes.extend([7_u8; 6]);
+        bytes.resize(5760, 0);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("n.fits");
+        std::fs::write(&path, bytes).unwrap();
+        assert!(ImageFrame::read(&path).unwrap_err().to_string().contains("DATE-OBS"));
+        let read = ImageFrame::read_whenever(&path).unwrap();
+        assert_eq!((read.header.time, read.pixels.dim()), (None, (2, 3)));
+        assert!(
+            read.header.notes[0].starts_with("DATE-OBS is not read: found N/A"),
+            "{:?}",
+            read.header.notes
+        );
     }
 }

@@ -182,7 +182,9 @@ fits.HDUList([fits.PrimaryHDU(), h]).writeto(f + 'eossa.fits')
     let flux = table("flux.vot");
     assert_eq!((names.magnitude_of(&flux), names.flux_of(&flux)), (None, Some("flux")));
     assert_eq!(names.sigma_of(&flux, true), Some("flux_err"));
-    assert!(source("binary.vot").unwrap_err().to_string().contains("TABLEDATA"));
+    let binary = table("binary.vot");
+    let times = column_times(Path::new("binary.vot"), &binary, &names).unwrap().unwrap();
+    assert_eq!(format_utc(times.time[1], 3), "2021-03-02T04:11:48.250Z");
     let Source::Samples(format, read) = source("eossa.fits").unwrap() else { panic!("a table") };
     assert_eq!((format, read.target.as_str()), (Format::Eossa, "GALAXY 15"));
     assert_eq!(format_utc(read.time[0], 3), "2021-03-01T19:02:11.500Z");
@@ -259,4 +261,221 @@ fn what_is_written_is_read_back() {
         write::tdm(&made, &sender).is_err()
             && write::alcdef(&made, &sender).unwrap().contains("DIFFERMAGS=TRUE")
     );
+}
+
+/// Truth: half of an exposure of 60 s, after EXPJD of ALCDEF 2.1 (START, MID, END); programs write `NONE` too.
+#[test]
+fn alcdef_times_are_those_of_the_middle() {
+    let read = |exposure: &str| {
+        let text = ALCDEF.replacen("FILTER=C", &format!("{exposure}FILTER=C"), 1);
+        let read = read_str("a.txt", &text, Format::Alcdef).unwrap();
+        (format_utc(read.time[0], 3), format_utc(read.time[2], 3), read.notes.len())
+    };
+    let other = || "2009-06-19T00:00:00.000Z".to_owned();
+    for (exposure, truth, notes) in [
+        ("EXPOSURE=60\nEXPJD=START\n", "2009-06-17T12:00:30.000Z", 3),
+        ("EXPOSURE=60\nEXPJD=END\n", "2009-06-17T11:59:30.000Z", 3),
+        ("EXPOSURE=60\nEXPJD=MID\n", "2009-06-17T12:00:00.000Z", 2),
+        ("EXPOSURE=-99\nEXPJD=START\n", "2009-06-17T12:00:00.000Z", 3),
+        ("EXPOSURE=60\nEXPJD=NONE\n", "2009-06-17T12:00:00.000Z", 3),
+    ] {
+        assert_eq!(read(exposure), (truth.to_owned(), other(), notes), "{exposure}");
+    }
+}
+
+#[test]
+fn alcdef_of_two_objects_is_no_curve() {
+    let second = |lines: &str| {
+        let text =
+            ALCDEF.replacen("SESSIONDATE=2009-06-18", &format!("{lines}SESSIONDATE=2009-06-18"), 1);
+        read_str("a.txt", &text, Format::Alcdef)
+    };
+    let error = second("OBJECTNUMBER=4\nOBJECTNAME=Vesta\n").unwrap_err().to_string();
+    assert!(error.contains("OBJECTNAME=Vesta after Ceres"), "{error}");
+    assert_eq!(second("OBJECTNUMBER=1\nOBJECTNAME=(1) Ceres\n").unwrap().target, "Ceres");
+}
+
+/// Truth: CORRECTION_MAG, PATH and COMMENT by CCSDS 503.0-B-2, tables 3-3 and 3-4.
+#[test]
+fn tdm_corrections_and_targets() {
+    let read = |lines: &str| {
+        let text = TDM.replace("META_STOP", &format!("{lines}META_STOP"));
+        read_str("a.tdm", &text, Format::TdmKvn)
+    };
+    let applied = read("CORRECTION_MAG = 0.5\nCORRECTIONS_APPLIED = YES\n").unwrap();
+    assert_eq!((applied.magnitude, applied.notes.len()), (vec![12.1, 12.3], 2));
+    let asked = read("CORRECTION_MAG = 0.5\nCORRECTIONS_APPLIED = NO\nCOMMENT\ttab\n").unwrap();
+    assert!((asked.magnitude[0] - 12.6).abs() < 1e-12 && asked.notes.len() == 3, "{asked:?}");
+    let error = read("CORRECTION_MAG = 0.5\n").unwrap_err().to_string();
+    assert!(error.contains("CORRECTIONS_APPLIED"), "{error}");
+    // The light's path begins at the target, whichever its number.
+    let turned = TDM
+        .replace("PARTICIPANT_1 = SITE", "PARTICIPANT_1 = 2005-001A")
+        .replace("PARTICIPANT_2 = 2005-001A", "PARTICIPANT_2 = SITE")
+        .replace("PATH = 2,1", "PATH = 1,2");
+    assert_eq!(read_str("a.tdm", &turned, Format::TdmKvn).unwrap().target, "2005-001A");
+    let segment = TDM[TDM.find("META_START").unwrap()..].replace("2005-001A", "1998-067A");
+    let error = read_str("a.tdm", &format!("{TDM}{segment}"), Format::TdmKvn).unwrap_err();
+    assert!(
+        error.to_string().contains("magnitudes of 1998-067A after those of 2005-001A"),
+        "{error}"
+    );
+}
+
+/// Truth: the same answer of the Gaia archive as TABLEDATA (both from astroquery's tests).
+#[test]
+fn votable_of_an_archive_in_binary2() {
+    let table = |name: &str| {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/formats/votable").join(name);
+        match open(&path, std::fs::read(&path).unwrap()).unwrap() {
+            Source::Table("VOTable", table) => *table,
+            other => panic!("{name}: {other:?}"),
+        }
+    };
+    let (binary, plain) = (table("gaia_binary2.vot"), table("gaia_tabledata.vot"));
+    for name in ["my_votable_fits_oid", "ra", "dec"] {
+        assert_eq!(binary.f64(name).unwrap(), plain.f64(name).unwrap(), "{name}");
+    }
+    // All digits of a long count: it is a name.
+    let ids = binary.i64("source_id").unwrap();
+    assert_eq!(ids, [Some(3_834_447_128_563_320_320), Some(3_834_447_162_923_057_280)]);
+}
+
+/// Truth: what was put into VOTables that astropy 8.0.2 wrote in each of the three ways, with missing values, and times that it made of the numbers of a header as Kepler's and X-ray missions
+/// have it (synthetic numbers).
+#[test]
+fn votables_and_origins_that_astropy_writes() {
+    let name = "votables_and_origins_that_astropy_writes";
+    let Some(python) = peer_python(name, &["astropy"]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = "
+import sys, numpy as np
+from astropy.table import Table, MaskedColumn
+from astropy.time import Time
+from astropy.io import fits
+from astropy.io.votable import from_table
+f = sys.argv[1] + '/'
+t = Table({'jd_utc': [2459275.25, 2459276.5], 'mag': MaskedColumn(np.array([5.5, 6.25], 'f4'), mask=[False, True]),
+  'variable': [True, False], 'n': MaskedColumn(np.array([7, -8], 'i2'), mask=[True, False]), 'band': ['V', 'Rc'], 'word': np.array(['α', 'be'], dtype='U4'),
+  'row': np.arange(6, dtype='i4').reshape(2, 3)})
+for kind in ['tabledata', 'binary', 'binary2']:
+    v = from_table(t)
+    v.get_first_table().get_field_by_id_or_name('n').values.null = -32768
+    v.to_xml(f + kind + '.vot', tabledata_format=kind)
+def table(name, columns, **cards):
+    h = fits.BinTableHDU.from_columns(columns)
+    for k, v in cards.items(): h.header[k] = v
+    fits.HDUList([fits.PrimaryHDU(), h]).writeto(f + name)
+c = lambda n, form, a, **k: fits.Column(n, form, array=np.array(a), **k)
+table('kepler.fits', [c('TIME', 'D', [169.51998136, np.nan, 1325.29454859], unit='BJD - 2454833'), c('SAP_FLUX', 'E', [100, np.nan, 50]), c('SAP_FLUX_ERR', 'E', [1, np.nan, 2]),
+  c('QUALITY', 'J', [0, 16, 0])], TIMEREF='SOLARSYSTEM', TIMESYS='TDB', BJDREFI=2454833, BJDREFF=0.25, TIMEUNIT='d', TIMEPIXR=0.5)
+table('xray.fits', [c('TIME', 'D', [6.26069341e8, 6.26069441e8], unit='s'), c('RATE', 'E', [3, 4]), c('ERROR', 'E', [.5, .5])],
+  TIMEREF='LOCAL', TIMESYS='TT', MJDREF=51543.875, TIMEZERO=10.0, TIMEUNIT='s', TIMEPIXR=0.0, TIMEDEL=100.0)
+table('none.fits', [c('TIME', 'D', [1., 2.], unit='s'), c('RATE', 'E', [3, 4])])
+table('unknown.fits', [c('TIME', 'D', [1., 2.], unit='s'), c('RATE', 'E', [3, 4])], MJDREFI=51543, TIMESYS='LOCAL')
+for t in [Time(2454833.25, [169.51998136, 1325.29454859], format='jd', scale='tdb'), Time(51543.875, np.array([6.26069341e8, 6.26069441e8]) / 86400 + 60 / 86400, format='mjd', scale='tt')]:
+    for x in t.utc.isot: print(x)
+";
+    let printed = run_python(&python, script, &[folder.path().to_str().unwrap()]);
+    let truth: Vec<&str> = printed.lines().collect();
+    let table = |name: &str| {
+        let path = folder.path().join(name);
+        match open(&path, std::fs::read(&path).unwrap()).unwrap() {
+            Source::Table(_, table) => *table,
+            other => panic!("{name}: {other:?}"),
+        }
+    };
+    for kind in ["tabledata.vot", "binary.vot", "binary2.vot"] {
+        let read = table(kind);
+        assert_eq!(read.f64("jd_utc").unwrap().to_vec(), [2_459_275.25, 2_459_276.5], "{kind}");
+        let magnitude = read.f64("mag").unwrap();
+        assert!(magnitude[0] == 5.5 && magnitude[1].is_nan(), "{kind}");
+        let n = read.f64("n").unwrap();
+        assert!(n[0].is_nan() && n[1] == -8.0, "{kind}");
+        assert_eq!(read.bool("variable").unwrap(), [Some(true), Some(false)], "{kind}");
+        let band: Vec<_> = read.text("band").unwrap().iter().flatten().collect();
+        assert_eq!(band, ["V", "Rc"], "{kind}");
+        assert_eq!(read.text("word").unwrap()[0].as_deref(), Some("α"), "{kind}");
+    }
+    let names = ColumnNames::default();
+    let times = |name: &str| column_times(Path::new(name), &table(name), &names);
+    let kepler = table("kepler.fits");
+    let read = times("kepler.fits").unwrap().unwrap();
+    let found: Vec<String> = read.time.iter().map(|t| format_utc(*t, 3)).collect();
+    // A day in a double since the origin is good to some nanoseconds, TDB here to 30 µs.
+    assert_eq!(found, truth[..2].iter().map(|t| format!("{t}Z")).collect::<Vec<_>>());
+    assert_eq!(
+        (names.flux_of(&kepler), names.sigma_of(&kepler, true)),
+        (Some("SAP_FLUX"), Some("SAP_FLUX_ERR"))
+    );
+    assert_eq!(kepler.f64("SAP_FLUX").unwrap().to_vec(), [100.0, 50.0]);
+    assert!(
+        read.notes.iter().any(|n| n == "1 rows without a time are left out"),
+        "{:?}",
+        read.notes
+    );
+    assert!(read.notes.iter().any(|n| n.contains("barycentre")), "{:?}", read.notes);
+    let read = times("xray.fits").unwrap().unwrap();
+    let found: Vec<String> = read.time.iter().map(|t| format_utc(*t, 3)).collect();
+    assert_eq!(found, truth[2..].iter().map(|t| format!("{t}Z")).collect::<Vec<_>>());
+    assert_eq!(names.sigma_of(&table("xray.fits"), true), Some("ERROR"));
+    assert!(times("none.fits").unwrap_err().to_string().contains("TIME"));
+    assert!(times("unknown.fits").unwrap_err().to_string().contains("`LOCAL`"));
+}
+
+/// Truth: what stands in the text.
+#[test]
+fn words_between_blanks_and_names_in_comments() {
+    let read = |text: &str| open("a.txt", text.as_bytes().to_vec()).map_err(|e| e.to_string());
+    let table = |text: &str| match read(text) {
+        Ok(Source::Table(_, table)) => *table,
+        other => panic!("{text}: {other:?}"),
+    };
+    let texts = [
+        "# a night\njd_utc  mag\terr band\n2459275.25 5.5 0.1 V\n\n2459276.5  6.25  nan  \"R\"\n",
+        "# a night\n# jd_utc mag err band\n2459275.25 5.5 0.1 V\n# seeing 2\"\n2459276.5 6.25 nan R\n",
+        "#jd_utc,mag,err,band\n2459275.25,5.5,0.1,V\n2459276.5,6.25,,R\n",
+    ];
+    for text in texts {
+        let table = table(text);
+        assert_eq!(table.f64("mag").unwrap().to_vec(), [5.5, 6.25], "{text}");
+        assert!(table.f64("err").unwrap()[1].is_nan(), "{text}");
+        let band: Vec<_> = table.text("band").unwrap().iter().flatten().collect();
+        assert_eq!(band, ["V", "R"], "{text}");
+        assert_eq!(ColumnNames::default().sigma_of(&table, false), Some("err"));
+    }
+    for (text, words) in [
+        ("2459275.25 5.5\n2459276.5 6.25\n", "a.txt:1: found `2459275.25 5.5`, expected names"),
+        ("# jd mag err\n2459275.25 5.5\n", "expected names"),
+        ("1,2\n3,4\n", "expected names"),
+        ("date mag\n2021-03-01 19:02:11 5.5\n", "a.txt:2: found 3 words, expected 2"),
+        ("mag mag\n1 2\n", "`mag` twice"),
+        ("<?xml version=\"1.0\"?>\n<VODML/>\n", "XML of another kind"),
+    ] {
+        let error = read(text).unwrap_err();
+        assert!(error.contains(words), "{text}: {error}");
+    }
+}
+
+/// Truth: MJD 55197 is 2010-01-01 (Meeus: JD 2455197.5); the column's own TIMESYS counts, not the first of the document.
+#[test]
+fn votable_columns_refer_to_their_time_system() {
+    let text = |timescale: &str| {
+        format!(
+            "<VOTABLE version=\"1.4\"><RESOURCE><TIMESYS ID=\"a\" timescale=\"TT\" timeorigin=\"JD-origin\" refposition=\"TOPOCENTER\"/><TIMESYS ID=\"b\" timescale=\"{timescale}\" timeorigin=\"2455197.5\" refposition=\"BARYCENTER\"/>\
+             <TABLE><FIELD name=\"obs_time\" datatype=\"double\" unit=\"d\" ref=\"b\"/><FIELD name=\"mag\" datatype=\"float\"/><DATA><TABLEDATA><TR><TD>1.5</TD><TD>5</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>"
+        )
+    };
+    let times = |timescale: &str| {
+        let Source::Table(_, table) = open("a.vot", text(timescale).into_bytes()).unwrap() else {
+            panic!("no table")
+        };
+        column_times(Path::new("a.vot"), &table, &ColumnNames::default())
+    };
+    let read = times("UTC").unwrap().unwrap();
+    assert_eq!(format_utc(read.time[0], 3), "2010-01-02T12:00:00.000Z");
+    assert!(read.notes.iter().any(|n| n.contains("BARYCENTER")), "{:?}", read.notes);
+    assert_eq!(format_utc(times("TAI").unwrap().unwrap().time[0], 3), "2010-01-02T11:59:26.000Z");
+    assert!(times("TCB").unwrap_err().to_string().contains("`TCB`"));
 }

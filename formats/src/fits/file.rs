@@ -202,6 +202,15 @@ impl Fits {
         super::table::decode(self, hdu)
     }
 
+    /// The tile-compressed image of an HDU, unpacked: RICE_1, GZIP_1, GZIP_2.
+    ///
+    /// # Errors
+    /// A [`ParseError`] if there is no such HDU, if it is something else, another compression, bytes that are none.
+    pub fn compressed_image(&self, index: usize) -> Result<Image, ParseError> {
+        let hdu = self.hdu_of(index, Kind::CompressedImage, "a tile-compressed image")?;
+        super::tiles::decode(self, hdu)
+    }
+
     fn hdu_of(&self, index: usize, kind: Kind, what: &str) -> Result<&Hdu, ParseError> {
         let wrong =
             |found: &str| ParseError::new(&self.path, found, what).in_field(format!("HDU {index}"));
@@ -329,7 +338,7 @@ impl Fits {
     }
 
     /// NAXIS1, NAXIS2 …, in that order.
-    pub(super) fn axes(&self, hdu: &Hdu) -> Result<Vec<u64>, ParseError> {
+    pub(crate) fn axes(&self, hdu: &Hdu) -> Result<Vec<u64>, ParseError> {
         let axes = self.integer(hdu, "NAXIS")?;
         if !(0..=999).contains(&axes) {
             return Err(self.bad(hdu, "NAXIS", axes.to_string(), "0 to 999 axes"));

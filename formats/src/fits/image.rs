@@ -98,33 +98,56 @@ pub(super) fn decode(fits: &Fits, hdu: &Hdu) -> Result<Image, ParseError> {
         Some(_) => Some(fits.integer(hdu, "BLANK")?),
         None => None,
     };
-    let raw = Raw { scale, zero, blank };
-    let pixels = match fits.integer(hdu, "BITPIX")? {
-        8 => raw.integers(shape, values(bytes, u8::from_be_bytes), |v, shape| match zero {
-            -128.0 => Some(array(shape, v.iter().map(|&v| (v ^ 0x80) as i8).collect())?.into()),
-            _ => None,
-        }),
-        16 => raw.integers(shape, values(bytes, i16::from_be_bytes), |v, shape| match zero {
-            TWO_15 => Some(array(shape, v.iter().map(|&v| v as u16 ^ 0x8000).collect())?.into()),
-            _ => None,
-        }),
-        32 => raw.integers(shape, values(bytes, i32::from_be_bytes), |v, shape| match zero {
-            TWO_31 => {
-                Some(array(shape, v.iter().map(|&v| v as u32 ^ 0x8000_0000).collect())?.into())
-            }
-            _ => None,
-        }),
-        64 => raw.integers(shape, values(bytes, i64::from_be_bytes), |v, shape| match zero {
-            TWO_63 => Some(array(shape, v.iter().map(|&v| v as u64 ^ (1 << 63)).collect())?.into()),
-            _ => None,
-        }),
-        -32 => raw.floats(shape, values(bytes, f32::from_be_bytes)),
-        _ => raw.floats(shape, values(bytes, f64::from_be_bytes)),
-    };
+    let bitpix = fits.integer(hdu, "BITPIX")?;
+    let pixels = Stored { bitpix, scale, zero, blank, shape }.pixels(bytes);
     let pixels = pixels.ok_or_else(|| {
         fits.bad(hdu, "NAXIS", "axes whose product is beyond 64 bits", "a smaller image")
     })?;
     Ok(Image { header: hdu.header().without_structure(), pixels })
+}
+
+/// Pixels as they stand in a file.
+pub(super) struct Stored {
+    pub(super) bitpix: i64,
+    pub(super) scale: f64,
+    pub(super) zero: f64,
+    pub(super) blank: Option<i64>,
+    /// Lengths of the axes, NAXIS1 last.
+    pub(super) shape: Vec<usize>,
+}
+
+impl Stored {
+    /// The values of big-endian bytes; `None` if the shape is impossible.
+    pub(super) fn pixels(self, bytes: &[u8]) -> Option<Pixels> {
+        let Self { bitpix, scale, zero, blank, shape } = self;
+        let raw = Raw { scale, zero, blank };
+        match bitpix {
+            8 => raw.integers(shape, values(bytes, u8::from_be_bytes), |v, shape| match zero {
+                -128.0 => Some(array(shape, v.iter().map(|&v| (v ^ 0x80) as i8).collect())?.into()),
+                _ => None,
+            }),
+            16 => raw.integers(shape, values(bytes, i16::from_be_bytes), |v, shape| match zero {
+                TWO_15 => {
+                    Some(array(shape, v.iter().map(|&v| v as u16 ^ 0x8000).collect())?.into())
+                }
+                _ => None,
+            }),
+            32 => raw.integers(shape, values(bytes, i32::from_be_bytes), |v, shape| match zero {
+                TWO_31 => {
+                    Some(array(shape, v.iter().map(|&v| v as u32 ^ 0x8000_0000).collect())?.into())
+                }
+                _ => None,
+            }),
+            64 => raw.integers(shape, values(bytes, i64::from_be_bytes), |v, shape| match zero {
+                TWO_63 => {
+                    Some(array(shape, v.iter().map(|&v| v as u64 ^ (1 << 63)).collect())?.into())
+                }
+                _ => None,
+            }),
+            -32 => raw.floats(shape, values(bytes, f32::from_be_bytes)),
+            _ => raw.floats(shape, values(bytes, f64::from_be_bytes)),
+        }
+    }
 }
 
 /// How the values stand in the file.

@@ -26,7 +26,8 @@
 //!
 //! **Tables**: columns L, B, I, J, K, E, D and A, single or vectors, with TSCAL, TZERO, TNULL and TUNIT. Vectors are
 //! flat (TDIM counts for texts only), columns of no values are left out. Refused by name: bits (X),
-//! complex numbers (C, M), variable length (P, Q), tile-compressed images (`.fits.fz`), random groups.
+//! complex numbers (C, M), variable length (P, Q), random groups. **Tile-compressed images** (`.fits.fz`) are unpacked
+//! by [`Fits::compressed_image`].
 //!
 //! **Texts** in a header are printable ASCII by the standard. Others are written with `\uXXXX` for each UTF-16 unit that
 //! is not, and a card `UESCAPED` names the keywords of these texts; this reader undoes it (and hides that card), other
@@ -50,6 +51,7 @@ mod header;
 mod image;
 mod table;
 mod table_out;
+mod tiles;
 mod writer;
 
 pub use card::{Card, CardValue};

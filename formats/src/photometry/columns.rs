@@ -1,6 +1,6 @@
 //! Tables of named columns, whoever named them.
 
-use super::{MJD_OFFSET, Scale, moment};
+use super::{DAY_S, MJD_OFFSET, Scale, moment};
 use crate::time::{UtcDay, parse_utc};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
@@ -26,9 +26,9 @@ const TEXT_TIMES: [&str; 9] = [
 const MAGNITUDES: [&str; 8] =
     ["magnitude", "mag", "vmag", "v_mag", "mag_v", "v", "m", "apparent_mag"];
 /// Names that others give to fluxes.
-const FLUXES: [&str; 5] = ["flux", "counts", "adu", "rate", "intensity"];
+const FLUXES: [&str; 7] = ["flux", "pdcsap_flux", "sap_flux", "counts", "adu", "rate", "intensity"];
 /// Names that others give to standard uncertainties of magnitudes.
-const SIGMAS: [&str; 9] = [
+const SIGMAS: [&str; 11] = [
     "sigma_mag",
     "mag_err",
     "magerr",
@@ -38,10 +38,12 @@ const SIGMAS: [&str; 9] = [
     "magnitude_err",
     "magnitude_error",
     "mag_sigma",
+    "err",
+    "uncertainty",
 ];
 /// Names that others give to standard uncertainties of fluxes.
-const FLUX_SIGMAS: [&str; 6] =
-    ["flux_err", "fluxerr", "flux_error", "e_flux", "sigma_flux", "counts_err"];
+const FLUX_SIGMAS: [&str; 8] =
+    ["flux_err", "fluxerr", "flux_error", "e_flux", "sigma_flux", "counts_err", "err", "error"];
 
 /// Which columns of a table hold what; those that are not named are looked for under the names that others use.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,7 +88,21 @@ impl ColumnNames {
 
     /// Name of the table's column of standard uncertainties: of magnitudes, or of fluxes.
     pub fn sigma_of<'a>(&self, table: &'a Table, of_flux: bool) -> Option<&'a str> {
-        Self::of(table, self.sigma.as_deref(), if of_flux { &FLUX_SIGMAS } else { &SIGMAS })
+        // The column that is named after the values comes first: of two fluxes each has its own.
+        let values = if of_flux { self.flux_of(table) } else { self.magnitude_of(table) };
+        let own = values.filter(|_| self.sigma.is_none()).and_then(|name| {
+            let forms = [
+                format!("{name}_err"),
+                format!("{name}_error"),
+                format!("e_{name}"),
+                format!("{name}err"),
+                format!("sigma_{name}"),
+            ];
+            forms.iter().find_map(|form| find(table, form))
+        });
+        own.or_else(|| {
+            Self::of(table, self.sigma.as_deref(), if of_flux { &FLUX_SIGMAS } else { &SIGMAS })
+        })
     }
 }
 
@@ -140,10 +156,6 @@ pub(super) fn named_times<'a>(
     table: &'a Table,
     names: &ColumnNames,
 ) -> Result<Option<(&'a str, ColumnTimes)>, ParseError> {
-    let stated = || {
-        let keys = ["timesys", "TIMESYS", "time_scale"];
-        keys.iter().find_map(|key| Scale::of(table.meta_text(key)?.trim()))
-    };
     let is_date = |name: &str| {
         let name = name.to_ascii_lowercase();
         matches!(name.split(['_', ' ', '(']).next(), Some("jd" | "mjd" | "bjd" | "hjd"))
@@ -159,9 +171,147 @@ pub(super) fn named_times<'a>(
         find(table, TEXT_TIMES[0])
             .or_else(|| table.columns.iter().map(|c| c.name.as_str()).find(|n| is_date(n)))
             .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
+            .or_else(|| {
+                let of_columns = table.meta.get("timesys_of")?.as_object()?;
+                find(table, of_columns.keys().next()?)
+            })
     };
     let Some(name) = name else { return Ok(None) };
-    Ok(Some((name, times(path, table, name, names.scale, stated())?)))
+    // The system that the column itself refers to (VOTable), else that of the table.
+    let own = table.meta.get("timesys_of").and_then(|of| of.get(name));
+    let said = |key: &str| match own {
+        Some(own) => own.get(key)?.as_str(),
+        None => table.meta_text(key),
+    };
+    let system = said("timesys").or_else(|| table.meta_text("TIMESYS"));
+    let system = system.or_else(|| table.meta_text("time_scale")).map(str::trim);
+    let origin = Origin::of_votable(table, name, &said).or_else(|| Origin::of_fits(table, name));
+    Ok(Some((name, times(path, table, name, names.scale, system, origin)?)))
+}
+
+/// What times that are numbers are counted from.
+struct Origin {
+    /// Modified Julian date of the origin, whole days and the rest.
+    day: i64,
+    part: f64,
+    /// Unit of the numbers, in words, and its length in days.
+    unit: &'static str,
+    unit_days: f64,
+    /// Added to each number before all else, in the unit.
+    add: f64,
+    /// Statements on the times, in words.
+    notes: Vec<String>,
+}
+
+/// A unit of time in words and its length, days.
+fn unit_of(text: &str) -> Option<(&'static str, f64)> {
+    Some(match text.trim().to_ascii_lowercase().as_str() {
+        "d" | "day" | "days" => ("days", 1.0),
+        "h" | "hr" | "hour" | "hours" => ("hours", 1.0 / 24.0),
+        "min" | "minute" | "minutes" => ("minutes", 60.0 / DAY_S),
+        "s" | "sec" | "second" | "seconds" => ("seconds", 1.0 / DAY_S),
+        _ => return None,
+    })
+}
+
+impl Origin {
+    /// The origin that the header of a FITS table states (FITS 4.0, section 9.2.3; the missions' BJDREF and TIMEZERO).
+    fn of_fits(table: &Table, name: &str) -> Option<Self> {
+        let number = |key: &str| table.meta.get(key).and_then(serde_json::Value::as_f64);
+        let (key, day, mut part) = ["MJDREF", "JDREF", "BJDREF"].iter().find_map(|key| {
+            let (whole, part) = match number(&format!("{key}I")) {
+                Some(whole) => (whole, number(&format!("{key}F")).unwrap_or(0.0)),
+                None => (number(key)?, 0.0),
+            };
+            let whole_days = Some(whole.floor()).filter(|d| d.abs() < 1e7)?;
+            Some((*key, whole_days as i64, part + (whole - whole_days)))
+        })?;
+        let mut days = day;
+        if key != "MJDREF" {
+            // astropy writes JDREF = 0 beside pairs of Julian dates, which are read as such.
+            (days, part) = (days - MJD_OFFSET, part - 0.5);
+        }
+        let own = table.column(name).ok()?.unit.as_deref();
+        let stated = table.meta_text("TIMEUNIT");
+        // The column's unit counts before TIMEUNIT; seconds are the standard's default.
+        let (unit, unit_days) = match (own.and_then(unit_of), stated.map(unit_of)) {
+            (Some(unit), _) => unit,
+            (None, Some(unit)) => unit?,
+            (None, None) if own.is_none() => unit_of("s")?,
+            (None, None) => return None,
+        };
+        let stated_days = stated.and_then(unit_of).map_or(unit_days, |(_, days)| days);
+        let zero = number("TIMEZERO")
+            .or_else(|| Some(number("TIMEZERI")? + number("TIMEZERF").unwrap_or(0.0)));
+        let mut add = zero.or_else(|| number("TIMEOFFS")).unwrap_or(0.0);
+        let mut notes = Vec::new();
+        match (number("TIMEPIXR"), number("TIMEDEL")) {
+            (Some(place), Some(bin)) if place != 0.5 && bin > 0.0 => {
+                add += (0.5 - place) * bin;
+                notes.push(format!("TIMEPIXR is {place}: times are moved to the middle of their bins"));
+            }
+            (Some(place), None) if place != 0.5 => notes.push(format!(
+                "TIMEPIXR is {place}: times are not those of the middle of their bins, whose length (TIMEDEL) is not stated"
+            )),
+            _ => {}
+        }
+        add *= stated_days / unit_days;
+        if key == "BJDREF" {
+            notes.push(format!(
+                "{name}: the light's way is counted to the barycentre of the solar system"
+            ));
+        } else if let Some(place) = table.meta_text("TIMEREF")
+            && !matches!(place.trim().to_ascii_uppercase().as_str(), "LOCAL" | "TOPOCENTER" | "")
+        {
+            notes.push(format!(
+                "{name}: TIMEREF says {}: times are not those of the observer",
+                place.trim()
+            ));
+        }
+        if let Some(rows) = table.meta.get("untimed_rows").and_then(serde_json::Value::as_u64) {
+            notes.push(format!("{rows} rows without a time are left out"));
+        }
+        Some(Self { day: days, part, unit, unit_days, add, notes })
+    }
+
+    /// The origin of a VOTable's TIMESYS (VOTable 1.4, section 3.4): a Julian date, or the words for 0 of either kind.
+    fn of_votable<'a>(
+        table: &Table,
+        name: &str,
+        said: &impl Fn(&str) -> Option<&'a str>,
+    ) -> Option<Self> {
+        let origin = match said("timeorigin")?.trim() {
+            "MJD-origin" => 2_400_000.5,
+            "JD-origin" => 0.0,
+            number => number.parse::<f64>().ok().filter(|n| n.abs() < 1e7)?,
+        };
+        let (unit, unit_days) = unit_of(table.column(name).ok()?.unit.as_deref()?)?;
+        let (day, part) = (origin.floor(), origin - origin.floor() - 0.5);
+        let mut notes = Vec::new();
+        if let Some(place) = said("refposition").map(str::trim)
+            && !matches!(place, "TOPOCENTER" | "UNKNOWN" | "")
+        {
+            notes.push(format!("{name}: times are those at the reference position {place}"));
+        }
+        Some(Self { day: day as i64 - MJD_OFFSET, part, unit, unit_days, add: 0.0, notes })
+    }
+
+    fn moment(&self, number: f64, scale: Scale) -> Option<Epoch> {
+        let days = Some((number + self.add) * self.unit_days).filter(|d| d.abs() < 1e7)?;
+        moment(self.day.checked_add(days.floor() as i64)?, self.part + (days - days.floor()), scale)
+    }
+
+    fn notes(&self, name: &str, scale: Scale) -> Vec<String> {
+        let mut notes =
+            vec![format!("{name}: {} since MJD {}", self.unit, self.day as f64 + self.part)];
+        if scale == Scale::Utc && self.unit_days < 1.0 {
+            notes.push(format!(
+                "{name}: every day of UTC is counted as 86400 s, so that leap seconds are not in it"
+            ));
+        }
+        notes.extend(self.notes.iter().cloned());
+        notes
+    }
 }
 
 /// Times of one column.
@@ -170,7 +320,8 @@ fn times(
     table: &Table,
     name: &str,
     asked: Option<Scale>,
-    stated: Option<Scale>,
+    system: Option<&str>,
+    origin: Option<Origin>,
 ) -> Result<ColumnTimes, ParseError> {
     let in_row = |error: ParseError, row: usize| error.in_field(format!("{name}, row {}", row + 1));
     let lower = name.to_ascii_lowercase();
@@ -182,8 +333,13 @@ fn times(
         Scale::of(column.get("scale")?.as_str()?)
     };
     let named = words.iter().find_map(|w| Scale::of(w)).or_else(kept);
-    let scale = asked.or(named).or(stated);
+    let scale = asked.or(named).or_else(|| Scale::of(system?));
     let unknown = |kind: &str| {
+        if let Some(system) = system.filter(|s| !s.is_empty()) {
+            let error =
+                ParseError::new(path, format!("the time system `{system}`"), "UTC, TAI, TT or TDB");
+            return error.in_field(name.to_owned()).with_hint("--time-scale sets another one");
+        }
         let error = ParseError::new(path, format!("`{name}`"), "a time whose scale is named");
         error.in_field(name.to_owned()).with_hint(format!(
             "call the column {kind}_utc, {kind}_tai, {kind}_tt or {kind}_tdb, or give --time-scale: scales differ by more than a minute"
@@ -229,6 +385,19 @@ fn times(
         return Ok(ColumnTimes { time: time.collect::<Result<_, _>>()?, notes: Vec::new() });
     }
     let kind = words.first().copied().unwrap_or_default();
+    if let (Some(origin), Ok(numbers)) = (&origin, table.f64(name))
+        && !matches!(kind, "jd" | "mjd" | "bjd" | "hjd")
+    {
+        let Some(scale) = scale else { return Err(unknown("time")) };
+        let time = numbers.iter().enumerate().map(|(row, number)| {
+            origin.moment(*number, scale).ok_or_else(|| {
+                let expected = format!("{} that give a date from 1972 to 2100", origin.unit);
+                in_row(ParseError::new(path, number.to_string(), expected), row)
+            })
+        });
+        let time = time.collect::<Result<_, _>>()?;
+        return Ok(ColumnTimes { time, notes: origin.notes(name, scale) });
+    }
     if !matches!(kind, "jd" | "mjd" | "bjd" | "hjd") {
         let found = column.values.kind();
         let error = ParseError::new(path, found, "ISO 8601, or a column called jd_… or mjd_…");

@@ -1,5 +1,5 @@
-//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables; and tables of named columns (ECSV, CSV, FITS, VOTable) with
-//! their times as UTC or as Julian dates with their scale.
+//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables; and tables of named columns (ECSV, CSV, words between blanks,
+//! FITS, VOTable) with their times as UTC, as Julian dates with their scale, or since an origin that the file states.
 //!
 //! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
 //!
@@ -13,6 +13,8 @@
 mod columns;
 mod import;
 mod tables;
+mod votable_binary;
+mod words;
 pub mod write;
 mod xml;
 
@@ -144,8 +146,17 @@ pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError
     if xml::is_votable(&text) {
         return Ok(Source::Table("VOTable", Box::new(xml::votable(path, &text)?)));
     }
-    let name = if text.starts_with("# %ECSV") { "ECSV" } else { "CSV" };
-    Ok(Source::Table(name, Box::new(crate::text_table::read_str(path, &text)?)))
+    if xml::is_xml(&text) {
+        let expected = "a VOTable or a tracking data message, if it is XML";
+        return Err(ParseError::new(path, "XML of another kind", expected));
+    }
+    if text.starts_with("# %ECSV") {
+        return Ok(Source::Table("ECSV", Box::new(crate::text_table::read_str(path, &text)?)));
+    }
+    if let Some((name, table)) = words::read(path, &text)? {
+        return Ok(Source::Table(name, Box::new(table)));
+    }
+    Ok(Source::Table("CSV", Box::new(crate::text_table::read_str(path, &text)?)))
 }
 
 /// Returns the format of a text, where it is one of these.
@@ -288,6 +299,8 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     let mut part = Part::Between;
     let mut meta: BTreeMap<String, String> = BTreeMap::new();
     let mut number_of_session = 0;
+    let mut to_middle_s = 0.0;
+    let mut numbered: Option<String> = None;
     for (number, line) in text.lines().enumerate() {
         let line = line.trim();
         let wrong = |found: String, expected: &str| {
@@ -300,6 +313,7 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         match (&part, upper.as_str()) {
             (_, "STARTMETADATA") => {
                 meta.clear();
+                to_middle_s = 0.0;
                 number_of_session += 1;
                 part = Part::Metadata;
                 continue;
@@ -331,7 +345,48 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
                         "DIFFERMAGS: magnitudes are differences from comparison stars: zero points are unknown",
                     );
                 }
+                let at = meta.get("EXPJD").map(|v| v.to_ascii_uppercase());
+                to_middle_s = match at.as_deref() {
+                    Some("MID") | None | Some("") => 0.0,
+                    Some(at @ ("START" | "END")) => {
+                        let stated = meta.get("EXPOSURE").and_then(|e| e.parse::<f64>().ok());
+                        match stated.filter(|s| s.is_finite() && *s > 0.0) {
+                            Some(exposure) if at == "START" => 0.5 * exposure,
+                            Some(exposure) => -0.5 * exposure,
+                            None => {
+                                note(
+                                    "EXPJD: times are not those of mid-exposure, and no EXPOSURE says by how much",
+                                );
+                                0.0
+                            }
+                        }
+                    }
+                    // Other words stand in files that real programs write (`NONE`).
+                    Some(other) => {
+                        let other = shortened(other);
+                        note(&format!(
+                            "EXPJD={other}: which moment of the exposure the times are is not known; they are taken for the middle"
+                        ));
+                        0.0
+                    }
+                };
+                if to_middle_s != 0.0 {
+                    note("EXPJD: half of the exposure makes the times those of mid-exposure");
+                }
                 let named = meta.get("OBJECTNAME").filter(|n| !n.is_empty());
+                let number = meta.get("OBJECTNUMBER").filter(|n| !n.is_empty() && *n != "0");
+                if let Some(name) = named.filter(|name| {
+                    let same_number = number.is_some() && numbered == number.cloned();
+                    !read.target.is_empty() && **name != read.target && !same_number
+                }) {
+                    let found =
+                        format!("OBJECTNAME={} after {}", shortened(name), shortened(&read.target));
+                    let error = wrong(found, "blocks of one object");
+                    return Err(error.with_hint("give each object a file of its own"));
+                }
+                if numbered.is_none() {
+                    numbered = number.cloned();
+                }
                 if let (true, Some(name)) = (read.target.is_empty(), named) {
                     read.target.clone_from(name);
                 }
@@ -394,7 +449,7 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
             Some(text) => finite(text, "MAGADJUST, mag")?,
             None => 0.0,
         };
-        read.time.push(time);
+        read.time.push(time + Duration::from_seconds(to_middle_s));
         read.magnitude.push(finite(magnitude, "a magnitude")? + adjust);
         sigma.push(match others.first().filter(|e| !e.is_empty()) {
             Some(text) => finite(text, "an uncertainty, mag")?,
@@ -432,7 +487,7 @@ fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         let wrong = |found: String, expected: &str| {
             ParseError::new(path, found, expected).at_line(number as u64 + 1)
         };
-        if line.is_empty() || line == "COMMENT" || line.starts_with("COMMENT ") {
+        if line.is_empty() || line.split_whitespace().next() == Some("COMMENT") {
             continue;
         }
         match line {
@@ -521,11 +576,57 @@ impl Message {
             Ok(m) if m.is_finite() => m,
             _ => return Err((format!("`{}`", shortened(value)), "a magnitude")),
         };
+        // What CORRECTION_MAG says is in the values already, or has to be added.
+        let mut said: Vec<String> = Vec::new();
+        let correction = match meta.get("CORRECTION_MAG").map(|c| (c, c.parse::<f64>())) {
+            None => 0.0,
+            Some((_, Ok(c))) if c.is_finite() => {
+                match meta.get("CORRECTIONS_APPLIED") {
+                    _ if c == 0.0 => 0.0,
+                    Some(applied) if applied == "YES" => 0.0,
+                    Some(applied) if applied == "NO" => {
+                        said.push(format!("CORRECTION_MAG: {c} mag are added, as CORRECTIONS_APPLIED = NO asks for"));
+                        c
+                    }
+                    _ => {
+                        let found = "CORRECTION_MAG without CORRECTIONS_APPLIED".to_owned();
+                        return Err((found, "CORRECTIONS_APPLIED = YES or NO"));
+                    }
+                }
+            }
+            Some((text, _)) => {
+                return Err((format!("CORRECTION_MAG = `{}`", shortened(text)), "a number, mag"));
+            }
+        };
+        if let Some(quality @ ("DEGRADED" | "INVALID")) =
+            meta.get("DATA_QUALITY").map(String::as_str)
+        {
+            said.push(format!(
+                "DATA_QUALITY = {quality}: the file does not trust some of its values"
+            ));
+        }
+        // Light comes from the first participant of the path.
+        let from = meta.get("PATH").and_then(|p| p.split(',').next()).map_or("2", str::trim);
+        let name = meta.get(&format!("PARTICIPANT_{from}")).or_else(|| meta.get("PARTICIPANT_2"));
+        if let Some(name) = name {
+            if self.read.target.is_empty() {
+                self.read.target.clone_from(name);
+            } else if self.read.target != *name {
+                let found = format!(
+                    "magnitudes of {} after those of {}",
+                    shortened(name),
+                    shortened(&self.read.target)
+                );
+                return Err((found, "those of one target: give each a message of its own"));
+            }
+        }
         self.read.time.push(time + Duration::from_seconds(shift_s));
-        self.read.magnitude.push(magnitude);
+        self.read.magnitude.push(magnitude + correction);
         self.exposures.push(exposure);
-        if let (true, Some(name)) = (self.read.target.is_empty(), meta.get("PARTICIPANT_2")) {
-            self.read.target.clone_from(name);
+        for words in said {
+            if !self.read.notes.contains(&words) {
+                self.read.notes.push(words);
+            }
         }
         Ok(())
     }

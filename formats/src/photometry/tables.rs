@@ -17,11 +17,40 @@ pub(super) fn of_fits(path: &Path, bytes: Vec<u8>) -> Result<Source, ParseError>
         let error = ParseError::new(path, "no binary table", "a FITS table of a light curve");
         return Err(error.with_hint("frames are for `sunglint reduce`"));
     };
-    let table = fits.table(index)?;
+    let mut table = fits.table(index)?;
+    without_untimed_rows(&mut table);
     if column(&table, "Mag_Exo_Atm").is_some() && column(&table, "JD_Mid_Exp").is_some() {
         return Ok(Source::Samples(Format::Eossa, Box::new(eossa(path, &table)?)));
     }
     Ok(Source::Table("FITS table", Box::new(table)))
+}
+
+/// Takes out the rows whose TIME is no number, as space missions write for lost cadences; their number becomes the metadata `untimed_rows`.
+fn without_untimed_rows(table: &mut Table) {
+    let Some(Values::F64(time)) = column(table, "TIME").map(|c| &c.values) else { return };
+    let keep: Vec<bool> = time.iter().map(|t| !t.is_nan()).collect();
+    let lost = keep.iter().filter(|k| !**k).count();
+    if lost == 0 || lost == keep.len() {
+        return;
+    }
+    table.columns.iter_mut().for_each(|c| retain(&mut c.values, &keep, 1));
+    table.meta.insert("untimed_rows".into(), lost.into());
+}
+
+/// Keeps the rows that `keep` says; a row has `width` values.
+fn retain(values: &mut Values, keep: &[bool], width: usize) {
+    let mut at = 0;
+    let mut kept = || {
+        at += 1;
+        keep.get((at - 1) / width).copied().unwrap_or(false)
+    };
+    match values {
+        Values::F64(v) => v.retain(|_| kept()),
+        Values::I64(v) => v.retain(|_| kept()),
+        Values::Bool(v) => v.retain(|_| kept()),
+        Values::Text(v) => v.retain(|_| kept()),
+        Values::Vectors { width, flat } => retain(flat, keep, *width),
+    }
 }
 
 /// A column by its name, whose case writers do not agree on.

@@ -1,5 +1,6 @@
 //! Photometry in XML: tracking data messages and VOTables.
 
+use super::votable_binary::Form;
 use super::{Message, Photometry, shortened};
 use crate::{Column, ParseError, Table, Values};
 use roxmltree::{Document, Node, ParsingOptions};
@@ -24,6 +25,13 @@ pub(super) fn is_tdm(text: &str) -> bool {
 pub(super) fn is_votable(text: &str) -> bool {
     let head = head(text);
     head.starts_with('<') && (head.contains("<VOTABLE") || head.contains(":VOTABLE"))
+}
+
+/// Returns true for XML of any kind.
+pub(super) fn is_xml(text: &str) -> bool {
+    let mut head = head(text).chars();
+    head.next() == Some('<')
+        && head.next().is_some_and(|c| c.is_ascii_alphabetic() || "?!".contains(c))
 }
 
 fn parsed<'a>(path: &Path, text: &'a str) -> Result<Document<'a>, ParseError> {
@@ -74,7 +82,9 @@ pub(super) fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     Ok(message.finish())
 }
 
-/// The first table of a VOTable (1.1 to 1.5) whose data stand as TABLEDATA. Its TIMESYS, where there is one, becomes the metadata `timesys`.
+/// The first table of a VOTable (1.1 to 1.5) whose data stand as TABLEDATA, BINARY or BINARY2.
+///
+/// What a TIMESYS says becomes metadata: `timesys_of` with an entry for each column that refers to one; `timesys`, `timeorigin` and `refposition` where the document has a single one.
 pub(super) fn votable(path: &Path, text: &str) -> Result<Table, ParseError> {
     let document = parsed(path, text)?;
     let named = |name: &'static str| move |n: &Node<'_, '_>| n.tag_name().name() == name;
@@ -88,14 +98,98 @@ pub(super) fn votable(path: &Path, text: &str) -> Result<Table, ParseError> {
     let Some(data) = table.children().find(named("DATA")) else {
         return Err(ParseError::new(path, "no DATA", "rows").at_line(line(table)));
     };
-    let Some(rows) = data.children().find(named("TABLEDATA")) else {
-        let kind =
-            data.children().find(Node::is_element).map_or("nothing", |n| n.tag_name().name());
-        let error = ParseError::new(path, format!("data as {kind}"), "data as TABLEDATA");
-        return Err(error.at_line(line(data)).with_hint(
-            "write it again with tabledata_format=\"tabledata\" (astropy), or as ECSV or FITS",
-        ));
+    let element = data.children().find(Node::is_element);
+    let values = match element.map(|n| (n.tag_name().name(), n)) {
+        Some(("TABLEDATA", rows)) => of_rows(path, &fields, rows)?,
+        Some((kind @ ("BINARY" | "BINARY2"), block)) => {
+            let stream = block.children().find(named("STREAM"));
+            let stream = stream.filter(|s| {
+                s.attribute("href").is_none() && s.attribute("encoding") == Some("base64")
+            });
+            let Some(stream) = stream else {
+                let error = ParseError::new(
+                    path,
+                    format!("{kind} without a STREAM in base64"),
+                    "data within the file",
+                );
+                return Err(error.at_line(line(block)));
+            };
+            let forms: Vec<Form> = fields.iter().map(|f| form_of(*f)).collect();
+            let text = stream.text().unwrap_or_default();
+            super::votable_binary::decode(&forms, text, kind == "BINARY2").map_err(
+                |(found, expected)| ParseError::new(path, found, expected).at_line(line(stream)),
+            )?
+        }
+        other => {
+            let kind = other.map_or("nothing", |(name, _)| name);
+            let expected = "data as TABLEDATA, BINARY or BINARY2";
+            let error = ParseError::new(path, format!("data as {kind}"), expected);
+            return Err(error.at_line(line(data)).with_hint(
+                "write it again with tabledata_format=\"tabledata\" (astropy), or as ECSV or FITS",
+            ));
+        }
     };
+    let column = |(field, values): (&Node<'_, '_>, Values)| Column {
+        name: name_of(*field).to_owned(),
+        unit: field.attribute("unit").map(str::to_owned),
+        description: None,
+        values,
+    };
+    let columns = fields.iter().zip(values).map(column).collect();
+    let mut read = Table { columns, ..Table::default() };
+    let systems: Vec<Node<'_, '_>> = document.descendants().filter(named("TIMESYS")).collect();
+    let said = |system: Node<'_, '_>| {
+        let keys = [
+            ("timesys", "timescale"),
+            ("timeorigin", "timeorigin"),
+            ("refposition", "refposition"),
+        ];
+        let pairs = keys
+            .map(|(key, attribute)| Some((key.to_owned(), system.attribute(attribute)?.into())));
+        pairs.into_iter().flatten().collect::<serde_json::Map<_, _>>()
+    };
+    if let [system] = systems[..] {
+        read.meta.extend(said(system));
+    }
+    let mut of_columns = serde_json::Map::new();
+    for field in &fields {
+        let asked = field.attribute("ref");
+        let system = asked.and_then(|id| systems.iter().find(|s| s.attribute("ID") == Some(id)));
+        if let Some(system) = system {
+            of_columns.insert(name_of(*field).to_owned(), said(*system).into());
+        }
+    }
+    if !of_columns.is_empty() {
+        read.meta.insert("timesys_of".into(), of_columns.into());
+    }
+    Ok(read)
+}
+
+fn name_of<'a>(field: Node<'a, '_>) -> &'a str {
+    field.attribute("name").or(field.attribute("ID")).unwrap_or_default()
+}
+
+fn null_of<'a>(field: Node<'a, '_>) -> Option<&'a str> {
+    let values = field.children().find(|n| n.tag_name().name() == "VALUES");
+    values.and_then(|v| v.attribute("null"))
+}
+
+fn form_of<'a>(field: Node<'a, '_>) -> Form<'a> {
+    Form {
+        name: name_of(field),
+        kind: field.attribute("datatype").unwrap_or_default(),
+        array: field.attribute("arraysize"),
+        null: null_of(field),
+    }
+}
+
+/// Values of the columns of TABLEDATA.
+fn of_rows(
+    path: &Path,
+    fields: &[Node<'_, '_>],
+    rows: Node<'_, '_>,
+) -> Result<Vec<Values>, ParseError> {
+    let named = |name: &'static str| move |n: &Node<'_, '_>| n.tag_name().name() == name;
     let mut columns: Vec<Vec<Option<String>>> = vec![Vec::new(); fields.len()];
     for row in rows.children().filter(named("TR")) {
         let cells: Vec<Node<'_, '_>> = row.children().filter(named("TD")).collect();
@@ -111,44 +205,35 @@ pub(super) fn votable(path: &Path, text: &str) -> Result<Table, ParseError> {
     }
     let mut made = Vec::new();
     for (field, texts) in fields.iter().zip(columns) {
-        let name = field.attribute("name").or(field.attribute("ID")).unwrap_or_default();
-        let null = field.children().find(named("VALUES")).and_then(|v| v.attribute("null"));
-        let kind = field.attribute("datatype").unwrap_or_default();
-        let is_text =
-            matches!(kind, "char" | "unicodeChar") || field.attribute("arraysize").is_some();
-        let values = if is_text {
-            Values::Text(texts)
-        } else {
-            let mut numbers = Vec::with_capacity(texts.len());
-            for (i, text) in texts.iter().enumerate() {
-                let number = match text.as_deref().filter(|t| Some(*t) != null) {
-                    None => f64::NAN,
-                    Some(text) => text.parse().map_err(|_| {
-                        ParseError::new(path, format!("`{}`", shortened(text)), "a number")
-                            .in_field(format!("{name}, row {}", i + 1))
-                    })?,
-                };
-                numbers.push(number);
-            }
-            Values::F64(numbers)
-        };
-        made.push(Column {
-            name: name.to_owned(),
-            unit: field.attribute("unit").map(str::to_owned),
-            description: None,
-            values,
-        });
+        let Form { name, kind, array, null } = form_of(*field);
+        // Arrays, complex numbers and bits are no columns of numbers: they stay texts.
+        let is_number =
+            matches!(kind, "unsignedByte" | "short" | "int" | "long" | "float" | "double" | "");
+        if kind == "boolean" && array.is_none() {
+            let truth = |text: Option<String>| match text?.to_ascii_lowercase().as_str() {
+                "t" | "1" | "true" => Some(true),
+                "f" | "0" | "false" => Some(false),
+                _ => None,
+            };
+            made.push(Values::Bool(texts.into_iter().map(truth).collect()));
+            continue;
+        }
+        if array.is_some_and(|a| a != "1") || !is_number {
+            made.push(Values::Text(texts));
+            continue;
+        }
+        let mut numbers = Vec::with_capacity(texts.len());
+        for (i, text) in texts.iter().enumerate() {
+            let number = match text.as_deref().filter(|t| Some(*t) != null) {
+                None => f64::NAN,
+                Some(text) => text.parse().map_err(|_| {
+                    ParseError::new(path, format!("`{}`", shortened(text)), "a number")
+                        .in_field(format!("{name}, row {}", i + 1))
+                })?,
+            };
+            numbers.push(number);
+        }
+        made.push(Values::F64(numbers));
     }
-    let mut read = Table { columns: made, ..Table::default() };
-    if let Some(system) = document.descendants().find(named("TIMESYS")) {
-        let mut note = |key: &str, attribute: &str| {
-            if let Some(value) = system.attribute(attribute) {
-                read.meta.insert(key.into(), value.into());
-            }
-        };
-        note("timesys", "timescale");
-        note("timeorigin", "timeorigin");
-        note("refposition", "refposition");
-    }
-    Ok(read)
+    Ok(made)
 }
