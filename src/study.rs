@@ -20,7 +20,7 @@ pub struct StudyArgs {
     /// Say what there is to do, and do nothing
     #[arg(long, conflicts_with_all = ["part", "slurm", "slurm_script"])]
     pub check: bool,
-    /// Run the parts as job arrays of Slurm, and wait for them
+    /// Run the parts as job arrays of Slurm, and wait for them; to end it, press Ctrl-C first, then scancel the job
     #[arg(long, conflicts_with = "part")]
     pub slurm: bool,
     /// Only write the batch script into the folder, as study.sbatch

@@ -123,8 +123,9 @@ impl<'a> Parted<'a> {
 /// Samples that were taken, by channel and time, to see which of them another file has, too.
 #[derive(Default)]
 struct Taken {
-    /// The file's place in `files`, and the bits of the sample's numbers.
-    samples: HashMap<(String, i128), (usize, Vec<u64>)>,
+    /// The file's place in `files`, and the bits of the sample's numbers; the channel by its place in `channels`.
+    samples: HashMap<(usize, i128), (usize, [u64; 5])>,
+    channels: Vec<String>,
     files: Vec<String>,
     /// Samples that two files have, by these files' places.
     twice: BTreeMap<(usize, usize), usize>,
@@ -144,11 +145,15 @@ impl Taken {
         &mut self,
         channel: &str,
         time: Epoch,
-        numbers: impl IntoIterator<Item = f64>,
+        numbers: [f64; 5],
     ) -> Result<bool, ArchiveError> {
         let file = self.files.len().saturating_sub(1);
-        let bits: Vec<u64> = numbers.into_iter().map(f64::to_bits).collect();
-        let key = (channel.to_owned(), tai_nanoseconds(time));
+        let bits = numbers.map(f64::to_bits);
+        let place = self.channels.iter().position(|name| name == channel).unwrap_or_else(|| {
+            self.channels.push(channel.to_owned());
+            self.channels.len() - 1
+        });
+        let key = (place, tai_nanoseconds(time));
         let Some((other, known)) = self.samples.get(&key) else {
             self.samples.insert(key, (file, bits));
             return Ok(true);
@@ -365,7 +370,7 @@ fn magnitudes(found: &Found, query: &Query, archive: &Path) -> Result<Joined, Ar
                     of(&read.phase_deg),
                 ];
                 // Range and phase angle are no measurement: another program may have added them to one of the files.
-                let light = numbers[..3].iter().copied();
+                let light = [numbers[0], numbers[1], numbers[2], f64::NAN, f64::NAN];
                 if !taken.is_new(&filters[i], read.time[i], light)? {
                     continue;
                 }

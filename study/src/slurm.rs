@@ -142,7 +142,9 @@ impl Array {
             let stage = format!("array {arrays}: {} parts", wanted.len());
             progress.status(&stage);
             let job = self.array(&script, &logs, &wanted, progress)?;
-            job.write(&kept)?;
+            if let Err(error) = job.write(&kept) {
+                progress.warn(&format!("{error}: a new start will not know of job {}", job.id));
+            }
             match &self.queue {
                 Some(queue) => self.wait(queue, &job, &stage, &mut shards, progress)?,
                 None => self.settle(&mut shards, progress)?,

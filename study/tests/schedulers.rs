@@ -194,11 +194,8 @@ fn one_shard() -> (tempfile::TempDir, sunglint_study::Study, PathBuf, String) {
     let made = dir.path().join("made");
     sunglint_study::run::run(&study, &made, sunglint_study::run::Part::ALL, &Silent).expect("done");
     let out = dir.path().join("50%done");
-    let copy = format!(
-        "cp {}/summary/part-000000.parquet {}/summary/",
-        made.display(),
-        out.display()
-    );
+    let copy =
+        format!("cp {}/summary/part-000000.parquet {}/summary/", made.display(), out.display());
     (dir, study, out, copy)
 }
 
