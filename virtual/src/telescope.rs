@@ -197,6 +197,8 @@ pub struct Telescope(Arc<Mutex<Tube>>);
 pub struct VirtualMount {
     tube: Telescope,
     abilities: MountAbilities,
+    /// Whether the tube hung west of its pier when the senses were learnt. A German mount's second motor turns the other way on the other side.
+    learnt: Option<bool>,
 }
 
 /// The finder of a virtual telescope.
@@ -267,7 +269,7 @@ impl Telescope {
         abilities.parks = true;
         abilities.tells_pier_side = tube.options.span_rad().is_some();
         drop(tube);
-        VirtualMount { tube: self.clone(), abilities }
+        VirtualMount { tube: self.clone(), abilities, learnt: None }
     }
 
     /// The finder.
@@ -676,6 +678,9 @@ impl Mount for VirtualMount {
     }
 
     fn learn_senses(&mut self, _: &Deadline) -> Result<(), DeviceError> {
+        let mut tube = self.tube.lock();
+        tube.advance();
+        self.learnt = Some(tube.is_turned());
         Ok(())
     }
 
@@ -687,6 +692,12 @@ impl Mount for VirtualMount {
                 device: DEVICE,
                 reason: "it is parked: unpark it first",
             });
+        }
+        // Stricter than it must be: not even rates of zero.
+        let is_german = tube.options.span_rad().is_some();
+        if is_german && self.learnt != Some(tube.is_turned()) {
+            let reason = "the sense of its second axis is not known on this side of the pier: learn it after a goto";
+            return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
         let sense = if tube.is_turned() { -1.0 } else { 1.0 };
         tube.send(Command::Rates([deg_s[0].to_radians(), sense * deg_s[1].to_radians()]));
