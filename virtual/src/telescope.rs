@@ -36,6 +36,12 @@ pub struct TelescopeOptions {
     /// A German mount, which stands still this far past the meridian, deg of hour angle: it turns over where a goto ends on the other side, and its tube and
     /// camera are upside down west of the pier. `None` of a fork. Only with equatorial axes.
     pub past_meridian_deg: Option<f64>,
+    /// A German mount that turns over by itself where it would stand still.
+    pub turns_itself: bool,
+    /// Whether it says that it follows while it turns over by itself, and passes over the rates that it is told meanwhile. Otherwise it says that it slews, and rates end that.
+    pub hides_turn: bool,
+    /// A German mount that says east where others say west.
+    pub swaps_names: bool,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,
     /// Strongest acceleration, deg/s².
@@ -82,6 +88,9 @@ impl Default for TelescopeOptions {
             axes: MountAxes::Horizontal,
             site_deg: [48.78, 9.18],
             past_meridian_deg: None,
+            turns_itself: false,
+            hides_turn: false,
+            swaps_names: false,
             fastest_deg_s: 10.0,
             acceleration_deg_s2: 10.0,
             motor_s: 0.05,
@@ -152,6 +161,8 @@ struct Tube {
     queue: VecDeque<(f64, Command)>,
     following_stars: bool,
     parked: bool,
+    /// Whether it turns over by itself now.
+    own_turn: bool,
     /// Whether a German mount ran into an end of its first axis.
     hit_end: bool,
     wobble: DMat3,
@@ -245,6 +256,7 @@ impl Telescope {
             queue: VecDeque::new(),
             following_stars: false,
             parked: false,
+            own_turn: false,
             hit_end: false,
             wobble,
             random,
@@ -268,6 +280,8 @@ impl Telescope {
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
         abilities.tells_pier_side = tube.options.span_rad().is_some();
+        abilities.is_fork = !abilities.tells_pier_side;
+        abilities.tells_tracking = tube.options.axes == MountAxes::Equatorial;
         drop(tube);
         VirtualMount { tube: self.clone(), abilities, learnt: None }
     }
@@ -398,20 +412,21 @@ impl Tube {
         {
             let Some((_, command)) = self.queue.pop_front() else { break };
             match command {
+                Command::Rates(_) if self.own_turn && self.options.hides_turn => {}
                 Command::Rates(rates) => {
-                    self.following_stars = false;
+                    (self.following_stars, self.own_turn) = (false, false);
                     for (motor, rate) in self.motors.iter_mut().zip(rates) {
                         (motor.rate, motor.goal) = (rate, None);
                     }
                 }
                 Command::Goto(goal, stars) => {
-                    self.following_stars = stars;
+                    (self.following_stars, self.own_turn) = (stars, false);
                     for (motor, goal) in self.motors.iter_mut().zip(goal) {
                         motor.goal = Some(goal);
                     }
                 }
                 Command::Stop => {
-                    self.following_stars = false;
+                    (self.following_stars, self.own_turn) = (false, false);
                     for motor in &mut self.motors {
                         (motor.rate, motor.goal) = (0.0, None);
                     }
@@ -425,6 +440,19 @@ impl Tube {
         let play = options.backlash_arcsec * ARCSEC_RAD;
         let (motor_s, wind) = (options.motor_s, options.wind_arcsec * ARCSEC_RAD);
         let span = options.span_rad();
+        if let Some([least, most]) = span.filter(|_| options.turns_itself && !self.own_turn)
+            && !(least..=most).contains(&self.motors[0].angle)
+        {
+            // The same direction on the other side.
+            let half = std::f64::consts::PI;
+            let [first, second] = self.motors.map(|motor| motor.angle);
+            let first = if first > most { first - half } else { first + half };
+            (self.own_turn, self.following_stars) = (true, true);
+            (self.motors[0].goal, self.motors[1].goal) = (Some(first), Some(half - second));
+        }
+        let options = &self.options;
+        self.own_turn &= self.motors.iter().any(|motor| motor.goal.is_some());
+        let turns = options.turns_itself;
         for (i, motor) in self.motors.iter_mut().enumerate() {
             let mut wanted = motor.rate;
             if let Some(goal) = motor.goal {
@@ -445,7 +473,7 @@ impl Tube {
             let before = motor.speed;
             motor.speed += pull * STEP_S;
             motor.angle += 0.5 * (before + motor.speed) * STEP_S;
-            if let (0, Some([least, most])) = (i, span)
+            if let (0, false, Some([least, most])) = (i, turns, span)
                 && !(least..=most).contains(&motor.angle)
             {
                 // The switches at the ends.
@@ -557,6 +585,9 @@ impl Tube {
     }
 
     fn moving(&self) -> bool {
+        if self.own_turn && self.options.hides_turn {
+            return false;
+        }
         self.motors.iter().any(|motor| motor.goal.is_some())
             || self.queue.iter().any(|(_, command)| matches!(command, Command::Goto(..)))
     }
@@ -619,10 +650,11 @@ impl Mount for VirtualMount {
         } else {
             MountMotion::Still
         };
-        let pier = tube.options.span_rad().map(|_| match tube.is_turned() {
-            true => PierSide::West,
-            false => PierSide::East,
-        });
+        let pier =
+            tube.options.span_rad().map(|_| match tube.is_turned() != tube.options.swaps_names {
+                true => PierSide::West,
+                false => PierSide::East,
+            });
         Ok(MountReading { utc, place, pier, motion })
     }
 
@@ -740,7 +772,9 @@ impl Finder for VirtualFinder {
     }
 
     fn side(&self) -> Option<PierSide> {
-        self.tube.lock().options.span_rad().map(|_| PierSide::East)
+        let tube = self.tube.lock();
+        let side = if tube.options.swaps_names { PierSide::West } else { PierSide::East };
+        tube.options.span_rad().map(|_| side)
     }
 
     fn frame(&mut self, _: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {

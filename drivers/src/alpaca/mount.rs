@@ -187,7 +187,7 @@ impl<T: Bytes> Mount<T> {
             let begun = goal.slewed || !young || off < MOVES_DEG;
             if !slewing && off <= THERE_DEG && begun {
                 self.goal = None;
-            } else if slewing || young || moves {
+            } else if slewing || (young && !goal.slewed) || moves {
                 return Ok(MountMotion::Slewing);
             } else {
                 let (asked, slewed) = (goal.place, goal.slewed);

@@ -112,6 +112,8 @@ const LIMIT_DEG: f64 = 20.0;
 const SLEW_DEG_S: f64 = 2.0;
 /// Time over which a mount that moved by itself is seen to do no more than it was told, s; way that is none, deg, and part of the way that may be missing.
 const RESTS: (f64, f64, f64) = (1.0, 0.1, 0.25);
+/// Time before it is noticed that a mount goes its own way, s.
+const BEFORE_S: f64 = 3.0;
 /// Time of a call that sends the mount to a place, s: it may have to wait until the mount says that it slews. Shorter than the watchdog's patience.
 const GOTO_S: f64 = 3.8;
 /// Time that a mount takes to begin and end the turn over, beside the way, s.
@@ -769,9 +771,21 @@ impl<'a> Tracker<'a> {
         if !slews && !turned {
             return Ok(Own::Nothing);
         }
+        self.wait_for_it(each)
+    }
+
+    /// Waits until the mount does no more than it was told, and learns the senses anew.
+    fn wait_for_it(
+        &mut self,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<Own, TrackError> {
         let begun_s = self.now_s();
         let commands = std::mem::take(&mut self.commands);
-        let rates = commands.back().map_or([0.0; 2], |(_, rates)| *rates);
+        let last = commands.back().map_or([0.0; 2], |(_, rates)| *rates);
+        // Rates of before it went its own way: those since then ran after it.
+        let before = commands.iter().rev().find(|(sent_s, _)| *sent_s < begun_s - BEFORE_S);
+        let rates = before.map_or(last, |(_, rates)| *rates);
+        let most_s = self.turn_s().max(60.0).min(self.options.slew_within_s);
         // Where it stood a second ago.
         let mut from: Option<(f64, [f64; 2])> = None;
         loop {
@@ -798,6 +812,11 @@ impl<'a> Tracker<'a> {
                                 let told = (rates[i] * (read_s - from_s)).abs();
                                 went < RESTS.1 || (went - told).abs() < RESTS.1 + RESTS.2 * told
                             });
+                            let stopped = reading.motion == MountMotion::Still;
+                            if rests && stopped && self.tells_tracking() && rates != [0.0; 2] {
+                                // After a turn of its own it follows again.
+                                return Err(TrackError::ByHand { what: STOPPED });
+                            }
                             if rests {
                                 break;
                             }
@@ -809,7 +828,7 @@ impl<'a> Tracker<'a> {
                 }
             }
             let after_s = now_s - begun_s;
-            if after_s > self.options.slew_within_s {
+            if after_s > most_s {
                 return Err(TrackError::SlewTooLong { after_s });
             }
         }
@@ -930,6 +949,15 @@ impl<'a> Tracker<'a> {
             let rates = self.rates(then, target, ahead);
             self.command(rates).map_err(|error| self.limit(error, angle))?;
             if let Err(error) = self.check_follows(&mut check, read_s, angle) {
+                // It goes elsewhere where it may turn over, and does not say that it slews: that is left to it, once.
+                if self.turns_by_itself(&error) && !self.limit_tried {
+                    self.limit_tried = true;
+                    check = None;
+                    match self.wait_for_it(each)? {
+                        Own::Broken => return Ok(TrackSummary { cancelled: true, ..summary }),
+                        _ => continue,
+                    }
+                }
                 let error = self.limit(error, angle);
                 // It says that it follows, and stands: at its limit. On the other side there is none.
                 let side = match error {
@@ -989,21 +1017,32 @@ impl<'a> Tracker<'a> {
         180.0 / speed.max(0.1) + TURN_ENDS_S
     }
 
+    /// Whether what a mount does, where the target is past the meridian, looks like a turn over of its own: in two seconds it goes more than twice the target's way, and a degree.
+    fn turns_by_itself(&self, error: &TrackError) -> bool {
+        let TrackError::DoesNotFollow { moved_deg, .. } = error else { return false };
+        let Some(side) = self.true_side().filter(|_| self.is_german()) else { return false };
+        let now_s = self.now_s();
+        let past_deg = pier::past_deg(side, self.target_deg(now_s, 0.0)[0]);
+        let speed_deg_s = self.path.at(now_s).speed_rad_s().to_degrees();
+        *moved_deg > 1.0 + 4.0 * speed_deg_s && past_deg > 0.0 && past_deg < LIMIT_DEG
+    }
+
     /// What stands where a mount's own limit may be names that.
     fn limit(&self, error: TrackError, [hour_angle, declination]: [f64; 2]) -> TrackError {
-        let stands = matches!(
-            error,
-            TrackError::ByHand { what: STOPPED } | TrackError::DoesNotFollow { .. }
-        );
+        let stands = matches!(error, TrackError::ByHand { what: STOPPED })
+            || matches!(error, TrackError::DoesNotFollow { asked_deg, moved_deg } if moved_deg < asked_deg);
         if !stands || self.path.frame().axes != MountAxes::Equatorial {
             return error;
         }
         let past_deg = match self.true_side().filter(|_| self.is_german()) {
             Some(side) => pier::past_deg(side, hour_angle),
-            // Not known: past the upper meridian, or the lower one.
+            // Not known: past the upper meridian, or the lower one, in the sense in which the target goes.
             None => {
+                let at = |time_s: f64| angles(self.path.at(time_s).direction)[0];
+                let now_s = self.now_s();
+                let sense = wrapped(at(now_s + 1.0) - at(now_s)).signum();
                 let lower = wrapped(hour_angle - 180.0);
-                if hour_angle.abs() < lower.abs() { hour_angle } else { lower }
+                sense * if hour_angle.abs() < lower.abs() { hour_angle } else { lower }
             }
         };
         let early_deg = pier::margin_deg(0.5, declination);
