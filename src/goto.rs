@@ -147,7 +147,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     let mut mount = track::open(&args.mount)?;
     let abilities = mount.abilities().clone();
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::new(&station.site, abilities.axes, abilities.tells_pier_side, cone)
+    let guard = Guard::new(&station.site, abilities.axes, abilities.may_turn_over(), cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
     let soon = || Deadline::within(Duration::from_secs(5));
     if args.set_site {

@@ -72,6 +72,9 @@ pub struct TrackArgs {
     /// Hour angle past the meridian up to which a German mount follows before it is turned over, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub past_meridian: f64,
+    /// Speed of the mount's slews, degrees a second: how far ahead of the target it is sent when it is turned over; without it that of its rates, 2 at least
+    #[arg(long, value_name = "DEG_S")]
+    pub slew_deg_s: Option<f64>,
     /// How much later than predicted the target comes, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub late_s: f64,
@@ -122,6 +125,7 @@ impl TrackArgs {
         within("sun-limit", self.sun_limit, 10.0, 90.0)?;
         within("latency-s", self.latency_s, 0.0, 5.0)?;
         within("past-meridian", self.past_meridian, 0.0, 85.0)?;
+        within("slew-deg-s", self.slew_deg_s.unwrap_or(1.0), 0.1, 100.0)?;
         within("late-s", self.late_s, -60.0, 60.0)?;
         within("weather-age-s", self.weather_age_s, 10.0, 3600.0)?;
         within("every", self.every, 0.05, 3600.0)?;
@@ -191,7 +195,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let mut mount = open(&args.mount)?;
     let abilities = mount.abilities().clone();
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::new(&station.site, abilities.axes, abilities.tells_pier_side, cone)
+    let guard = Guard::new(&station.site, abilities.axes, abilities.may_turn_over(), cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
     let soon = || Deadline::within(Duration::from_secs(5));
     if args.set_site && !args.dry_run {
@@ -320,6 +324,10 @@ fn options(args: &TrackArgs) -> TrackOptions {
     let mut options = TrackOptions::default();
     options.latency_s = args.latency_s;
     options.past_meridian_deg = args.past_meridian;
+    options.slew_deg_s = args.slew_deg_s;
+    if let Some(speed) = args.slew_deg_s {
+        options.slew_within_s = options.slew_within_s.max(360.0 / speed + 60.0);
+    }
     options.nudge_s = args.late_s;
     options
 }
@@ -385,7 +393,7 @@ fn rehearse(
     let telescope = Telescope::new(made, clock.clone(), Arc::new(sky));
     let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let turns_over = mount.abilities().tells_pier_side;
+    let turns_over = mount.abilities().may_turn_over();
     let guard = Guard::new(&station.site, axes, turns_over, cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
     let plan =

@@ -140,7 +140,8 @@ fn every_broken_answer_ends_in_time_and_is_not_mixed_up() {
     }
 }
 
-/// Truth: a server that says `Slewing` false at once and stands still elsewhere, one that says it for ever, and one that says false while it still moves.
+/// Truth: a server that says `Slewing` false at once and stands still elsewhere, one that says it for ever, one that says false while it still moves, and one that ends before its goal: that
+/// was somebody else's stop.
 #[test]
 fn a_mount_that_lies_about_its_slew_is_not_believed() {
     let goal = MountPlace::Equatorial { ra_deg: 120.0, dec_deg: 30.0 };
@@ -149,7 +150,7 @@ fn a_mount_that_lies_about_its_slew_is_not_believed() {
     mount.begin_goto(goal, &within(5.0)).unwrap();
     // A mount may be late to say that it slews.
     assert_eq!(mount.reading(&within(5.0)).unwrap().motion, MountMotion::Slewing);
-    std::thread::sleep(Duration::from_millis(1600));
+    std::thread::sleep(Duration::from_millis(5100));
     let lied = mount.reading(&within(5.0)).unwrap_err();
     assert!(matches!(lied, DeviceError::NotTaken { name: "place, deg", .. }), "{lied}");
     assert!(
@@ -181,6 +182,22 @@ fn a_mount_that_lies_about_its_slew_is_not_believed() {
         (0..25).map(|_| mount.reading(&within(5.0)).unwrap().motion).collect();
     assert_eq!(states[..15], [MountMotion::Slewing; 15]);
     assert_eq!(states[24], MountMotion::Tracking);
+
+    let step = Arc::new(AtomicU32::new(0));
+    let short = Scripted::start(Arc::new(move |request, _, stream| match request {
+        "GET telescope/0/declination" => {
+            let dec = 10 + step.fetch_add(1, Ordering::SeqCst).min(5);
+            value(stream, &dec.to_string())
+        }
+        request => telescope(request, stream),
+    }));
+    let mut mount = mount_of(&short);
+    mount.begin_goto(goal, &within(5.0)).unwrap();
+    let ended = (0..100).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        mount.reading(&within(5.0)).err()
+    });
+    assert!(matches!(ended, Some(DeviceError::Taken { .. })), "{ended:?}");
 }
 
 /// Truth: a mount that answers yes to its rates and stands still; a mount whose axes turn the wrong way is told by its own reading (see the live test).

@@ -10,7 +10,7 @@ use sunglint_drivers::catalogue::alpaca_listed;
 use sunglint_drivers::clock::utc_now;
 use sunglint_drivers::device::{
     Camera as _, Device as _, DeviceError, FilterWheel as _, Focuser as _, Mount as _, MountAxes,
-    MountMotion, MountPlace, MountReading, MountSite, RotationStage as _, Window,
+    MountMotion, MountPlace, MountReading, MountSite, PierSide, RotationStage as _, Window,
 };
 use sunglint_drivers::transport::tcp::Tcp;
 
@@ -62,6 +62,7 @@ fn a_visit_slews_syncs_follows_rates_stops_and_parks() {
     assert_eq!(abilities.axes, MountAxes::Equatorial);
     assert_eq!(abilities.continuous_deg_s(), Some([10.0, 10.0]));
     assert!(abilities.parks && abilities.syncs && !abilities.tells_pier_side);
+    assert!(!abilities.may_turn_over());
     // It starts parked, and refuses to go.
     assert_eq!(mount.reading(&within(5.0)).unwrap().motion, MountMotion::Parked);
     let goal = MountPlace::Equatorial { ra_deg: 120.0, dec_deg: 30.0 };
@@ -106,6 +107,48 @@ fn a_visit_slews_syncs_follows_rates_stops_and_parks() {
     other.number = 7;
     let missing = Mount::open(connect(server.port), &other, settings, &within(5.0)).unwrap_err();
     assert!(missing.to_string().contains("telescope 7"), "{missing}");
+}
+
+/// Truth: the rule in words, and sides that another client tells the simulator: no side is the last side; on the other one only rates of zero are taken, until the senses are learnt there.
+#[test]
+fn senses_hold_on_one_side_of_the_pier() {
+    let test = "senses_hold_on_one_side_of_the_pier";
+    let Some(server) = Simulators::aligned(test, 300, &["2"]) else { return };
+    let hang = |side: i32| {
+        use std::io::{Read as _, Write as _};
+        let form = format!("SideOfPier={side}&ClientID=1&ClientTransactionID=1");
+        let mut line = std::net::TcpStream::connect(("127.0.0.1", server.port)).unwrap();
+        write!(
+            line,
+            "PUT /api/v1/telescope/0/sideofpier HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/x-www-form-urlencoded\r\nContent-Length: {}\r\n\r\n{form}",
+            form.len()
+        )
+        .unwrap();
+        let mut answer = String::new();
+        line.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    };
+    hang(0);
+    let settings = MountSettings::default();
+    let mut mount =
+        Mount::open(connect(server.port), &place(server.port), settings, &within(20.0)).unwrap();
+    let abilities = mount.abilities();
+    assert!(abilities.tells_pier_side && abilities.may_turn_over() && abilities.tells_tracking);
+    mount.set_parked(false, &within(5.0)).unwrap();
+    mount.set_rates([0.0; 2], &within(5.0)).unwrap();
+    mount.learn_senses(&within(20.0)).unwrap();
+    mount.set_rates([0.1, 0.0], &within(5.0)).unwrap();
+    hang(-1);
+    assert_eq!(mount.reading(&within(5.0)).unwrap().pier, Some(PierSide::East));
+    mount.set_rates([0.1, 0.0], &within(5.0)).unwrap();
+    hang(1);
+    assert_eq!(mount.reading(&within(5.0)).unwrap().pier, Some(PierSide::West));
+    let other = mount.set_rates([0.1, 0.0], &within(5.0)).unwrap_err();
+    assert!(matches!(other, DeviceError::NotReady { .. }), "{other}");
+    mount.set_rates([0.0; 2], &within(5.0)).unwrap();
+    mount.learn_senses(&within(20.0)).unwrap();
+    mount.set_rates([0.1, 0.0], &within(5.0)).unwrap();
+    mount.stop(&within(5.0)).unwrap();
 }
 
 /// Truth: the server's own pixels: the first five of row 0 count up from 1000, so that columns are columns; sizes, slots, angles and positions as they were asked for.

@@ -37,9 +37,13 @@ cabaret.Observatory.generate_image = generate_image
 
 import uvicorn  # noqa: E402
 from alpaca_simulators.main import app  # noqa: E402
+from alpaca_simulators.state import update_device_state  # noqa: E402
 
 listener = socket.socket()
 listener.bind(("127.0.0.1", 0))
 print(listener.getsockname()[1], flush=True)
+if sys.argv[2:]:
+    # ASCOM: 2 is a German mount. It starts freed.
+    update_device_state("telescope", 0, {"alignmentmode": int(sys.argv[2]), "atpark": False})
 config = uvicorn.Config(app, log_level="critical", timeout_keep_alive=int(sys.argv[1]) if sys.argv[1:] else 300)
 uvicorn.Server(config).run(sockets=[listener])

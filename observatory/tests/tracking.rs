@@ -13,7 +13,8 @@ use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::time::parse_utc;
 use sunglint_observatory::telescope::{
-    Guard, Order, Orders, SunCone, TargetPath, TrackOptions, TrackState, TrackStep, Tracker, angles,
+    Guard, Order, Orders, SunCone, TargetPath, TrackError, TrackOptions, TrackState, TrackStep,
+    Tracker, angles,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrames};
 use sunglint_radiometry::station::Horizon;
@@ -123,6 +124,8 @@ impl Went {
 /// A finder whose last frame somebody looks at, too.
 struct Watched<F> {
     finder: F,
+    /// Side of the pier for which its axes hold, in a plan.
+    side: Option<PierSide>,
     last: Arc<Mutex<Option<FinderFrame>>>,
 }
 
@@ -132,7 +135,7 @@ impl<F: Finder> Finder for Watched<F> {
     }
 
     fn side(&self) -> Option<PierSide> {
-        self.finder.side()
+        self.side.or(self.finder.side())
     }
 
     fn frame(&mut self, deadline: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {
@@ -152,11 +155,22 @@ fn follow(pass: &Pass, off: [f64; 2], telescope: TelescopeOptions, options: Trac
 /// The same, with a person who sees the steps and the finder's last frame.
 fn follow_by_hand(
     pass: &Pass,
-    [along_s, across_arcsec]: [f64; 2],
+    off: [f64; 2],
     telescope: TelescopeOptions,
     options: TrackOptions,
     hand: &mut dyn FnMut(&TrackStep, Option<&FinderFrame>, &Orders),
 ) -> Went {
+    try_to_follow(pass, off, (telescope, None), options, hand).unwrap()
+}
+
+/// The same, with the side of the pier for which a plan says that the finder's axes hold; it may fail.
+fn try_to_follow(
+    pass: &Pass,
+    [along_s, across_arcsec]: [f64; 2],
+    (telescope, side): (TelescopeOptions, Option<PierSide>),
+    options: TrackOptions,
+    hand: &mut dyn FnMut(&TrackStep, Option<&FinderFrame>, &Orders),
+) -> Result<Went, TrackError> {
     let earth = EarthOrientation::embedded();
     let axes = telescope.axes;
     let span = (pass.from, pass.seconds);
@@ -185,20 +199,17 @@ fn follow_by_hand(
         SunCone::default().with_limit_deg(0.0).with_pointing_deg(0.0),
     );
     let (mut mount, last) = (telescope.mount(), Arc::new(Mutex::new(None)));
-    let mut finder = Watched { finder: telescope.finder(), last: last.clone() };
+    let mut finder = Watched { finder: telescope.finder(), side, last: last.clone() };
     let mut options = options;
     options.watch_clock = false;
     let orders = Orders::default();
     let tracker = Tracker::new(&path, &guard, &mut mount, Some(&mut finder), clock, options);
     let mut steps = Vec::new();
-    let summary = tracker
-        .steered_by(&orders)
-        .run(&Cancel::new(), &mut |step| {
-            steps.push(*step);
-            hand(step, last.lock().unwrap().as_ref(), &orders);
-            ControlFlow::Continue(())
-        })
-        .unwrap();
+    let summary = tracker.steered_by(&orders).run(&Cancel::new(), &mut |step| {
+        steps.push(*step);
+        hand(step, last.lock().unwrap().as_ref(), &orders);
+        ControlFlow::Continue(())
+    })?;
     let truth = telescope.truth();
     let mut went = Went {
         acquired_s: summary.locked_s.and_then(|locked| {
@@ -213,7 +224,119 @@ fn follow_by_hand(
     };
     let from_s = summary.locked_s.unwrap_or(summary.began_s) + 3.0 + 60.0;
     went.rms_arcsec = went.rms(from_s, 60.0 + pass.seconds);
-    went
+    Ok(went)
+}
+
+/// Passes that cross the meridian above the pole, not near their ends: seed, pass, and when, s.
+fn over_the_meridian(seeds: std::ops::Range<u64>, most: usize) -> Vec<(u64, Pass, f64)> {
+    let of = |seed: u64| {
+        let pass = pass([800.0, 1500.0], [35.0, 65.0], &mut Dice(seed));
+        let (span, earth) = ((pass.from, pass.seconds), EarthOrientation::embedded());
+        let axes = MountAxes::Equatorial;
+        let path = TargetPath::new(&pass.orbit, &site(), earth, span, axes, false).unwrap();
+        let hour_angle = |s: f64| angles(path.at(s).direction)[0];
+        let crosses = (0..pass.seconds as usize).map(|i| i as f64).find(|s| {
+            let (a, b) = (hour_angle(*s), hour_angle(s + 1.0));
+            a * b <= 0.0 && (a - b).abs() < 90.0
+        })?;
+        (crosses > 60.0 && crosses < pass.seconds - 130.0).then_some((seed, pass, crosses))
+    };
+    seeds.filter_map(of).take(most).collect()
+}
+
+/// A German mount whose first axis ends 10° past the meridian.
+fn german(seed: u64) -> TelescopeOptions {
+    TelescopeOptions::default().with(|o| {
+        (o.axes, o.seed, o.fastest_deg_s) = (MountAxes::Equatorial, seed, 6.0);
+        o.past_meridian_deg = Some(10.0);
+    })
+}
+
+fn past(past_deg: f64) -> TrackOptions {
+    let mut options = TrackOptions::default();
+    options.past_meridian_deg = past_deg;
+    options
+}
+
+/// Truth: the virtual telescope's own: a German mount turns over by itself 10° past the meridian, and a rate ends that half-way. Whether it says meanwhile that it slews, or that it follows, it is
+/// left alone until it hangs on the other side, and the target is followed on from there.
+#[test]
+fn a_mount_that_turns_over_by_itself_is_left_to_it() {
+    let passes = over_the_meridian(40..70, 4);
+    assert!(passes.len() >= 3);
+    for (seed, pass, crosses) in passes {
+        for hides_turn in [false, true] {
+            let made = german(seed).with(|o| (o.turns_itself, o.hides_turn) = (true, hides_turn));
+            let went = follow(&pass, [0.5, 10.0], made, past(60.0));
+            let late: Vec<_> = went.steps.iter().filter(|s| s.time_s > crosses - 30.0).collect();
+            let turned: Vec<f64> = late
+                .windows(2)
+                .filter(|two| two[0].pier != two[1].pier)
+                .map(|two| two[1].time_s)
+                .collect();
+            let [turned_s] = turned[..] else { panic!("{seed} {hides_turn}: {turned:?}") };
+            let after = went.rms(60.0 + turned_s + 50.0, 60.0 + pass.seconds);
+            println!(
+                "{seed} {hides_turn}: turned at {turned_s:.0} s of {:.0} s, rms {after:.2}″",
+                pass.seconds
+            );
+            assert!(after < 5.0 || turned_s + 60.0 > pass.seconds, "{seed} {hides_turn}: {after}");
+        }
+    }
+}
+
+/// Truth: the virtual telescope's own: its switches stop it 10° past the meridian, where the tracker would follow farther. One that tells its side is turned over once, and its target is followed from
+/// there; of one that is taken for a fork the message names the limit.
+#[test]
+fn a_mount_that_stops_at_its_limit_says_so() {
+    let (seed, pass, _) = over_the_meridian(40..70, 1).remove(0);
+    let went = follow(&pass, [0.5, 10.0], german(seed), past(60.0));
+    assert!(went.hit_end);
+    let after = went.rms(60.0 + pass.seconds - 20.0, 60.0 + pass.seconds);
+    assert!(after < 5.0, "{after}");
+    let mut options = past(0.0);
+    options.german = false;
+    let made = (german(seed), None);
+    let ended = try_to_follow(&pass, [0.5, 10.0], made, options, &mut |_, _, _| {}).err();
+    let Some(TrackError::MeridianLimit { past_deg }) = ended else { panic!("{ended:?}") };
+    assert!((past_deg - 10.0).abs() < 1.0, "{past_deg}");
+}
+
+/// Truth: in words: names do not matter to where a mount has to turn over. One that names its sides the other way round turns over once, before its switches, and its target is followed.
+#[test]
+fn sides_by_other_names_are_turned_over_all_the_same() {
+    for (seed, pass, crosses) in over_the_meridian(40..70, 3) {
+        let made = german(seed).with(|o| o.swaps_names = true);
+        let went = follow(&pass, [0.5, 10.0], made, past(0.0));
+        assert!(!went.hit_end, "{seed}");
+        let late: Vec<_> = went.steps.iter().filter(|s| s.time_s > crosses - 30.0).collect();
+        let turns = late.windows(2).filter(|two| two[0].pier != two[1].pier).count();
+        assert_eq!(turns, 1, "{seed}");
+        let after = went.rms(60.0 + crosses + 70.0, 60.0 + pass.seconds);
+        assert!(after < 5.0, "{seed}: {after}");
+    }
+}
+
+/// Truth: in words: a camera that is upside down on one side of the pier says nothing where the mount does not say on which it hangs; on a fork that is known as one it says what it sees.
+#[test]
+fn frames_count_only_where_the_side_is_known() {
+    let (seed, pass, _) = over_the_meridian(40..70, 1).remove(0);
+    let fork = german(seed).with(|o| o.past_meridian_deg = None);
+    for german in [true, false] {
+        let mut options = TrackOptions::default();
+        options.german = german;
+        let made = (fork.clone(), Some(PierSide::West));
+        let (mut refused, mut given) = (Vec::new(), false);
+        let went = try_to_follow(&pass, [0.5, 10.0], made, options, &mut |step, _, orders| {
+            if !given && step.time_s > 30.0 {
+                given = orders.give(Order::Jog { arcsec: [5.0, 5.0] });
+            }
+            refused.extend(orders.refusals());
+        })
+        .unwrap();
+        let led = went.steps.iter().any(|step| step.state == TrackState::Locked);
+        assert_eq!((led, refused.is_empty()), (!german, !german), "{refused:?}");
+    }
 }
 
 fn quantile(mut values: Vec<f64>, part: f64) -> f64 {

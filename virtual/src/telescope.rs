@@ -36,6 +36,12 @@ pub struct TelescopeOptions {
     /// A German mount, which stands still this far past the meridian, deg of hour angle: it turns over where a goto ends on the other side, and its tube and
     /// camera are upside down west of the pier. `None` of a fork. Only with equatorial axes.
     pub past_meridian_deg: Option<f64>,
+    /// A German mount that turns over by itself where it would stand still.
+    pub turns_itself: bool,
+    /// Whether it says that it follows while it turns over by itself, and passes over the rates that it is told meanwhile. Otherwise it says that it slews, and rates end that.
+    pub hides_turn: bool,
+    /// A German mount that says east where others say west.
+    pub swaps_names: bool,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,
     /// Strongest acceleration, deg/s².
@@ -82,6 +88,9 @@ impl Default for TelescopeOptions {
             axes: MountAxes::Horizontal,
             site_deg: [48.78, 9.18],
             past_meridian_deg: None,
+            turns_itself: false,
+            hides_turn: false,
+            swaps_names: false,
             fastest_deg_s: 10.0,
             acceleration_deg_s2: 10.0,
             motor_s: 0.05,
@@ -152,6 +161,8 @@ struct Tube {
     queue: VecDeque<(f64, Command)>,
     following_stars: bool,
     parked: bool,
+    /// Whether it turns over by itself now.
+    own_turn: bool,
     /// Whether a German mount ran into an end of its first axis.
     hit_end: bool,
     wobble: DMat3,
@@ -197,6 +208,8 @@ pub struct Telescope(Arc<Mutex<Tube>>);
 pub struct VirtualMount {
     tube: Telescope,
     abilities: MountAbilities,
+    /// Whether the tube hung west of its pier when the senses were learnt. A German mount's second motor turns the other way on the other side.
+    learnt: Option<bool>,
 }
 
 /// The finder of a virtual telescope.
@@ -243,6 +256,7 @@ impl Telescope {
             queue: VecDeque::new(),
             following_stars: false,
             parked: false,
+            own_turn: false,
             hit_end: false,
             wobble,
             random,
@@ -266,8 +280,10 @@ impl Telescope {
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
         abilities.tells_pier_side = tube.options.span_rad().is_some();
+        abilities.is_fork = !abilities.tells_pier_side;
+        abilities.tells_tracking = tube.options.axes == MountAxes::Equatorial;
         drop(tube);
-        VirtualMount { tube: self.clone(), abilities }
+        VirtualMount { tube: self.clone(), abilities, learnt: None }
     }
 
     /// The finder.
@@ -396,20 +412,21 @@ impl Tube {
         {
             let Some((_, command)) = self.queue.pop_front() else { break };
             match command {
+                Command::Rates(_) if self.own_turn && self.options.hides_turn => {}
                 Command::Rates(rates) => {
-                    self.following_stars = false;
+                    (self.following_stars, self.own_turn) = (false, false);
                     for (motor, rate) in self.motors.iter_mut().zip(rates) {
                         (motor.rate, motor.goal) = (rate, None);
                     }
                 }
                 Command::Goto(goal, stars) => {
-                    self.following_stars = stars;
+                    (self.following_stars, self.own_turn) = (stars, false);
                     for (motor, goal) in self.motors.iter_mut().zip(goal) {
                         motor.goal = Some(goal);
                     }
                 }
                 Command::Stop => {
-                    self.following_stars = false;
+                    (self.following_stars, self.own_turn) = (false, false);
                     for motor in &mut self.motors {
                         (motor.rate, motor.goal) = (0.0, None);
                     }
@@ -423,6 +440,19 @@ impl Tube {
         let play = options.backlash_arcsec * ARCSEC_RAD;
         let (motor_s, wind) = (options.motor_s, options.wind_arcsec * ARCSEC_RAD);
         let span = options.span_rad();
+        if let Some([least, most]) = span.filter(|_| options.turns_itself && !self.own_turn)
+            && !(least..=most).contains(&self.motors[0].angle)
+        {
+            // The same direction on the other side.
+            let half = std::f64::consts::PI;
+            let [first, second] = self.motors.map(|motor| motor.angle);
+            let first = if first > most { first - half } else { first + half };
+            (self.own_turn, self.following_stars) = (true, true);
+            (self.motors[0].goal, self.motors[1].goal) = (Some(first), Some(half - second));
+        }
+        let options = &self.options;
+        self.own_turn &= self.motors.iter().any(|motor| motor.goal.is_some());
+        let turns = options.turns_itself;
         for (i, motor) in self.motors.iter_mut().enumerate() {
             let mut wanted = motor.rate;
             if let Some(goal) = motor.goal {
@@ -443,7 +473,7 @@ impl Tube {
             let before = motor.speed;
             motor.speed += pull * STEP_S;
             motor.angle += 0.5 * (before + motor.speed) * STEP_S;
-            if let (0, Some([least, most])) = (i, span)
+            if let (0, false, Some([least, most])) = (i, turns, span)
                 && !(least..=most).contains(&motor.angle)
             {
                 // The switches at the ends.
@@ -555,6 +585,9 @@ impl Tube {
     }
 
     fn moving(&self) -> bool {
+        if self.own_turn && self.options.hides_turn {
+            return false;
+        }
         self.motors.iter().any(|motor| motor.goal.is_some())
             || self.queue.iter().any(|(_, command)| matches!(command, Command::Goto(..)))
     }
@@ -617,10 +650,11 @@ impl Mount for VirtualMount {
         } else {
             MountMotion::Still
         };
-        let pier = tube.options.span_rad().map(|_| match tube.is_turned() {
-            true => PierSide::West,
-            false => PierSide::East,
-        });
+        let pier =
+            tube.options.span_rad().map(|_| match tube.is_turned() != tube.options.swaps_names {
+                true => PierSide::West,
+                false => PierSide::East,
+            });
         Ok(MountReading { utc, place, pier, motion })
     }
 
@@ -676,6 +710,9 @@ impl Mount for VirtualMount {
     }
 
     fn learn_senses(&mut self, _: &Deadline) -> Result<(), DeviceError> {
+        let mut tube = self.tube.lock();
+        tube.advance();
+        self.learnt = Some(tube.is_turned());
         Ok(())
     }
 
@@ -687,6 +724,12 @@ impl Mount for VirtualMount {
                 device: DEVICE,
                 reason: "it is parked: unpark it first",
             });
+        }
+        // Stricter than it must be: not even rates of zero.
+        let is_german = tube.options.span_rad().is_some();
+        if is_german && self.learnt != Some(tube.is_turned()) {
+            let reason = "the sense of its second axis is not known on this side of the pier: learn it after a goto";
+            return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
         let sense = if tube.is_turned() { -1.0 } else { 1.0 };
         tube.send(Command::Rates([deg_s[0].to_radians(), sense * deg_s[1].to_radians()]));
@@ -729,7 +772,9 @@ impl Finder for VirtualFinder {
     }
 
     fn side(&self) -> Option<PierSide> {
-        self.tube.lock().options.span_rad().map(|_| PierSide::East)
+        let tube = self.tube.lock();
+        let side = if tube.options.swaps_names { PierSide::West } else { PierSide::East };
+        tube.options.span_rad().map(|_| side)
     }
 
     fn frame(&mut self, _: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {

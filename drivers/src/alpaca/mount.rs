@@ -1,7 +1,7 @@
 //! A telescope mount.
 
 use super::answer::PARKED;
-use super::session::{Place, STARTS, Session, SessionSettings};
+use super::session::{Place, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
     self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountMotion, MountPlace,
@@ -19,8 +19,12 @@ const SIDEREAL_DEG_S: f64 = 15.041_067 / 3600.0;
 const SLOWEST_DEG_S: f64 = 1.0 / 3600.0;
 /// How far from its goal a mount may stand that says that it is there, deg.
 const THERE_DEG: f64 = 0.5;
-/// Way between two readings from which a mount counts as moving, deg.
+/// Way in [`MOVES_IN`] from which a mount counts as moving, deg.
 const MOVES_DEG: f64 = 0.02;
+/// Time over which it is looked at whether a mount moves.
+const MOVES_IN: Duration = Duration::from_secs(1);
+/// Time after a goto in which a mount need not move yet, nor say so.
+const STARTS: Duration = Duration::from_secs(5);
 
 /// How a mount is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,8 +50,8 @@ struct Goal {
     since: Duration,
     /// Whether it has said since then that it slews.
     slewed: bool,
-    /// Where it was seen last.
-    last: Option<MountPlace>,
+    /// When and where it was seen moving last.
+    last: Option<(Duration, MountPlace)>,
 }
 
 /// A telescope mount of an Alpaca server.
@@ -143,11 +147,11 @@ impl<T: Bytes> Mount<T> {
 
     fn read_pier(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
         if self.abilities.tells_pier_side {
-            // ASCOM: 0 is east of the pier, 1 west, -1 unknown.
+            // ASCOM: 0 is east of the pier, 1 west, -1 unknown: it is where it was, as far as is known.
             self.pier = match self.session.integer("sideofpier", [-1, 1], deadline)? {
                 0 => Some(PierSide::East),
                 1 => Some(PierSide::West),
-                _ => None,
+                _ => self.pier,
             };
         }
         Ok(())
@@ -168,21 +172,34 @@ impl<T: Bytes> Mount<T> {
         }
         let slewing = self.session.flag("slewing", deadline)?;
         if let Some(goal) = &mut self.goal {
-            let young = deadline.now().saturating_sub(goal.since) < STARTS;
+            let now = deadline.now();
+            let young = now.saturating_sub(goal.since) < STARTS;
             let off = distance_deg(place, goal.place);
-            let moves = goal.last.is_none_or(|last| distance_deg(place, last) > MOVES_DEG);
-            goal.last = Some(place);
-            goal.slewed |= slewing;
+            // Two readings may lie closer together than a slow motion shows.
+            let (seen_at, seen) = *goal.last.get_or_insert((now, place));
+            let moved = distance_deg(place, seen) > MOVES_DEG;
+            if moved {
+                goal.last = Some((now, place));
+            }
+            let moves = moved || now.saturating_sub(seen_at) < MOVES_IN;
+            goal.slewed |= slewing || moved;
             // A short way may not have begun yet.
             let begun = goal.slewed || !young || off < MOVES_DEG;
             if !slewing && off <= THERE_DEG && begun {
                 self.goal = None;
-            } else if slewing || young || moves {
+            } else if slewing || (young && !goal.slewed) || moves {
                 return Ok(MountMotion::Slewing);
             } else {
-                let asked = goal.place;
+                let (asked, slewed) = (goal.place, goal.slewed);
                 self.goal = None;
-                return Err(not_there(asked, place));
+                // It was on its way, and it ended before the goal.
+                return Err(match slewed {
+                    true => DeviceError::Taken {
+                        device: DEVICE,
+                        what: "the mount was stopped by somebody else",
+                    },
+                    false => not_there(asked, place),
+                });
             }
         } else if slewing {
             return Ok(MountMotion::Slewing);
@@ -344,6 +361,7 @@ fn abilities<T: Bytes>(
     }
     let (mut most, mut least, mut steps) = ([0.0; 2], [0.0; 2], Vec::new());
     let mut moves = session.can("cansettracking", deadline)?;
+    let tells_tracking = moves && axes == MountAxes::Equatorial;
     let mut continuous = true;
     for axis in 0..2_usize {
         if !moves {
@@ -388,8 +406,16 @@ fn abilities<T: Bytes>(
     // A mount that is no German one may answer with a side that never changes.
     let tells_pier_side = alignment == Some(2)
         && session.optional("sideofpier", deadline)?.and_then(|v| v.as_i64()).is_some();
-    let abilities =
-        MountAbilities { axes, rates, parks, syncs, tells_pier_side, altitude_deg: None };
+    let abilities = MountAbilities {
+        axes,
+        rates,
+        parks,
+        syncs,
+        tells_pier_side,
+        is_fork: alignment == Some(1),
+        tells_tracking,
+        altitude_deg: None,
+    };
     Ok((abilities, least))
 }
 
@@ -478,12 +504,17 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let senses = self.try_axes(deadline).inspect_err(|_| {
             let _ = device::Mount::stop(self, &deadline.grace(Duration::from_secs(2)));
         })?;
-        self.senses = Some((senses, self.pier));
+        // Where it turned over meanwhile, what was found holds on neither side.
+        let before = self.pier;
+        self.read_pier(deadline)?;
+        self.senses = Some((senses, self.pier)).filter(|_| before.is_none() || before == self.pier);
         Ok(())
     }
 
     fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
         let senses = self.senses.filter(|(_, found)| *found == self.pier).map(|(senses, _)| senses);
+        // Zero is zero in any sense.
+        let senses = senses.or((deg_s == [0.0; 2]).then_some([1.0; 2]));
         let Some(senses) = senses else {
             let reason = "it is not known which way its axes turn on this side of the pier: learn it after a goto";
             return Err(DeviceError::NotReady { device: DEVICE, reason });

@@ -65,6 +65,10 @@ pub struct MountAbilities {
     pub syncs: bool,
     /// Whether it says on which side of the pier it hangs: such a mount turns over at the meridian.
     pub tells_pier_side: bool,
+    /// Whether it is known that it never turns over: a fork.
+    pub is_fork: bool,
+    /// Whether it says after a goto to an equatorial place that it follows the stars. One that then stands still was stopped.
+    pub tells_tracking: bool,
     /// Lowest and highest altitude to which it goes, deg, where it says so.
     pub altitude_deg: Option<[f64; 2]>,
 }
@@ -72,7 +76,21 @@ pub struct MountAbilities {
 impl MountAbilities {
     /// Abilities of a mount with these axes and rates that does nothing else.
     pub fn new(axes: MountAxes, rates: MountRates) -> Self {
-        Self { axes, rates, parks: false, syncs: false, tells_pier_side: false, altitude_deg: None }
+        Self {
+            axes,
+            rates,
+            parks: false,
+            syncs: false,
+            tells_pier_side: false,
+            is_fork: false,
+            tells_tracking: false,
+            altitude_deg: None,
+        }
+    }
+
+    /// Whether it may turn over at the meridian: every equatorial mount of which the contrary is not known.
+    pub fn may_turn_over(&self) -> bool {
+        self.axes == MountAxes::Equatorial && !self.is_fork
     }
 
     /// The largest rates of the two axes, deg/s; `None` without continuous rates.
@@ -123,7 +141,7 @@ pub struct MountReading {
     pub utc: Epoch,
     /// Where it points.
     pub place: MountPlace,
-    /// Side of the pier, where it says it.
+    /// Side of the pier, where it says it: the last one that it said.
     pub pier: Option<PierSide>,
     /// Motion.
     pub motion: MountMotion,
@@ -206,7 +224,8 @@ pub trait Mount: Device {
     /// The mount does not move as it is told, or see [`DeviceError`].
     fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
 
-    /// Moves both axes at these rates from now on, deg/s: hour angle and declination, or azimuth and altitude, as the place grows.
+    /// Moves both axes at these rates from now on, deg/s: hour angle and declination, or azimuth and altitude, as the place grows. On another side of the pier than that on
+    /// which the senses were learnt, rates other than zero are refused ([`DeviceError::NotReady`]).
     ///
     /// # Errors
     /// Rates that it does not take, senses that are not known, or see [`DeviceError`].

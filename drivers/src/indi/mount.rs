@@ -28,6 +28,10 @@ const SITE: &str = "GEOGRAPHIC_COORD";
 const KIND: Kind =
     Kind { label: DEVICE, what: "telescope", interface: 1, required: &[PLACE, ABORT.0] };
 
+/// Time after which a mount that says nothing of a slew counts as there, where it stands on its place.
+const NEAR_AFTER: Duration = Duration::from_millis(800);
+/// Time in which a mount has to say that it slews.
+const PATIENCE: Duration = Duration::from_secs(3);
 /// Time of a call that is left to ask for the place.
 const TO_ASK: Duration = Duration::from_millis(150);
 
@@ -70,6 +74,8 @@ pub struct Mount<T> {
     poll: Duration,
     /// Sense of the declination's rate, and the side of the pier on which it was found.
     sense: Option<(f64, Option<PierSide>)>,
+    /// Side of the pier that it said last: drivers say none for a moment while they turn over.
+    side: Option<PierSide>,
     /// Whether the mode is custom and the state on, as far as we set it.
     custom: bool,
 }
@@ -100,7 +106,7 @@ impl<T: Bytes> Mount<T> {
             }
         }
         let abilities = abilities(&session);
-        Ok(Self { session, settings, abilities, poll, sense: None, custom: false })
+        Ok(Self { session, settings, abilities, poll, sense: None, side: None, custom: false })
     }
 
     /// Goes on over a new line to the server, from scratch; gives the old one.
@@ -109,7 +115,7 @@ impl<T: Bytes> Mount<T> {
     /// The errors of [`open`](Self::open).
     pub fn reconnect(&mut self, line: T, deadline: &Deadline) -> Result<T, DeviceError> {
         let old = self.session.client.replace_line(line);
-        (self.sense, self.custom) = (None, false);
+        (self.sense, self.side, self.custom) = (None, None, false);
         self.session.define(deadline)?;
         Ok(old)
     }
@@ -132,16 +138,17 @@ impl<T: Bytes> Mount<T> {
         self.session.property(name)?.is_on(member)
     }
 
-    fn pier(&self) -> Option<PierSide> {
-        let vector = self.session.property(PIER)?;
-        match (vector.is_on("PIER_EAST"), vector.is_on("PIER_WEST")) {
+    fn pier(&mut self) -> Option<PierSide> {
+        let now = |vector: &Vector| match (vector.is_on("PIER_EAST"), vector.is_on("PIER_WEST")) {
             (Some(true), Some(false)) => Some(PierSide::East),
             (Some(false), Some(true)) => Some(PierSide::West),
             _ => None,
-        }
+        };
+        self.side = self.session.property(PIER).and_then(now).or(self.side);
+        self.side
     }
 
-    fn of(&self, vector: &Vector, utc: Epoch) -> Result<MountReading, DeviceError> {
+    fn of(&mut self, vector: &Vector, utc: Epoch) -> Result<MountReading, DeviceError> {
         let number = |member| {
             vector.number(member).ok_or_else(|| {
                 self.session.protocol(format!(
@@ -181,7 +188,8 @@ impl<T: Bytes> Mount<T> {
                     if place.device == self.session.device && place.name == PLACE =>
                 {
                     let utc = utc_now();
-                    return self.of(self.session.require(PLACE)?, utc).map(Some);
+                    let vector = self.session.require(PLACE)?.clone();
+                    return self.of(&vector, utc).map(Some);
                 }
                 Some(_) => {}
             }
@@ -258,11 +266,13 @@ impl<T: Bytes> Mount<T> {
         self.session.client.set(&device, PLACE, wanted, deadline)?;
         let soon = self.soon(deadline);
         let mut said = Vec::new();
-        // A refusal is a message with a state that stays as it was; a place that is near is reached between two reports.
-        let patience = Duration::from_millis(800).max(self.poll * 3);
-        let end = soon.now() + patience;
+        // A refusal is a message with a state that stays as it was; a place that is near is reached between two reports. A mount on a slow line says late that it slews.
+        let begun = soon.now();
+        let (near_after, patience) = (NEAR_AFTER.max(self.poll * 3), PATIENCE.max(self.poll * 3));
         loop {
-            let left = end.saturating_sub(soon.now());
+            let gone = soon.now().saturating_sub(begun);
+            let until = if gone < near_after { near_after } else { patience };
+            let left = until.saturating_sub(gone);
             match if left.is_zero() { None } else { self.event_within(left, &soon)? } {
                 Some(Event::Message { text, .. }) => hear(&mut said, text),
                 Some(Event::Changed(place, state))
@@ -289,7 +299,12 @@ impl<T: Bytes> Mount<T> {
                             let off = (got - ra_h + 12.0).rem_euclid(24.0) - 12.0;
                             (off * 15.0 * dec_deg.to_radians().cos()).abs() < 0.02
                         });
-                    return if near { Ok(()) } else { Err(declined(DEVICE, request, &said)) };
+                    if near {
+                        return Ok(());
+                    }
+                    if soon.now().saturating_sub(begun) >= patience {
+                        return Err(declined(DEVICE, request, &said));
+                    }
                 }
             }
         }
@@ -408,6 +423,8 @@ fn abilities<T: Bytes>(session: &Session<T>) -> MountAbilities {
         parks: has(PARK),
         syncs: session.property("ON_COORD_SET").is_some_and(|v| v.member("SYNC").is_some()),
         tells_pier_side: has(PIER),
+        is_fork: false,
+        tells_tracking: has(TRACK),
         altitude_deg: None,
     }
 }
@@ -465,16 +482,21 @@ impl<T: Bytes> device::Mount for Mount<T> {
 
     fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
         self.sense = None;
+        let before = self.pier();
         let sense = self.try_declination(deadline).inspect_err(|_| {
             let _ = device::Mount::stop(self, &deadline.grace(self.settings.abort_within));
         })?;
-        self.sense = Some((sense, self.pier()));
+        // Where it turned over meanwhile, what was found holds on neither side.
+        let after = self.pier();
+        self.sense = Some((sense, after)).filter(|_| before.is_none() || before == after);
         Ok(())
     }
 
     fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
         let pier = self.pier();
         let sense = self.sense.filter(|(_, found)| *found == pier).map(|(sense, _)| sense);
+        // Zero is zero in any sense.
+        let sense = sense.or((deg_s == [0.0; 2]).then_some(1.0));
         let Some(sense) = sense else {
             let reason = "the sense of its declination is not known on this side of the pier: learn it after a goto";
             return Err(DeviceError::NotReady { device: DEVICE, reason });

@@ -33,10 +33,16 @@ pub struct Simulators {
 impl Simulators {
     /// Starts them, or records the skip of the test. Idle connections are closed after `keep_s`.
     pub fn start(test: &str, keep_s: u32) -> Option<Self> {
+        Self::aligned(test, keep_s, &[])
+    }
+
+    /// The same, with ASCOM's number of the mount's alignment.
+    pub fn aligned(test: &str, keep_s: u32, alignment: &[&str]) -> Option<Self> {
         let python = peer_python(test, &["alpaca_simulators"])?;
         let mut child = Command::new(python)
             .arg(repository().join("drivers/tests/alpaca_server.py"))
             .arg(keep_s.to_string())
+            .args(alignment)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()

@@ -40,7 +40,7 @@ fn ask(
         let deadline = Deadline::within(within);
         let said = opener.mount(&plan, &deadline).and_then(|mut mount| {
             let (site, reading) = (mount.site(&deadline)?, mount.reading(&deadline)?);
-            Ok(Said { abilities: mount.abilities().clone(), site, reading })
+            Ok(Said { abilities: plan.known(mount.abilities()), site, reading })
         });
         let _ = sender.send(said);
     };
@@ -75,9 +75,9 @@ pub(crate) fn check_mount(
         },
     };
     // Of a mount that does not answer the rules of the strictest kind hold.
-    let (axes, turns_over) = said.as_ref().map_or((MountAxes::Equatorial, true), |said| {
-        (said.abilities.axes, said.abilities.tells_pier_side)
-    });
+    let unknown = (MountAxes::Equatorial, mount.german != Some(false));
+    let (axes, turns_over) =
+        said.as_ref().map_or(unknown, |said| (said.abilities.axes, said.abilities.may_turn_over()));
     let cone = SunCone::default().with_limit_deg(mount.sun_limit_deg());
     let guard = Guard::new(&plan.station.site, axes, turns_over, cone)
         .with_horizon(plan.station.horizon.clone(), mount.min_elevation_deg());
@@ -107,6 +107,9 @@ pub(crate) fn check_mount(
                 "it turns over at the meridian, and its camera is upside down after it: `camera_angle_pier` is missing in the plan, the side of the pier (east or west) on which `camera_angle_deg` holds; its frames would correct nothing",
             );
         }
+        if said.abilities.may_turn_over() && !said.abilities.tells_pier_side {
+            check_untold(about, mount, found);
+        }
         if mount.park && !said.abilities.parks {
             found.warning(about, "it cannot be parked: at the end it stands where it is");
         }
@@ -127,6 +130,29 @@ pub(crate) fn check_mount(
         }
     }
     check_visits(plan, mount, &guard, axes, said.as_ref(), options, found);
+}
+
+/// An equatorial mount that may turn over and does not say on which side it hangs.
+fn check_untold(about: &str, mount: &MountPlan, found: &mut Preflight) {
+    if mount.camera.is_some() && mount.camera_angle_pier.is_some() {
+        found.error(
+            about,
+            "it does not say on which side of its pier it hangs, and `camera_angle_pier` holds for one of them: its frames would correct nothing; of a fork say `german = false`, and leave `camera_angle_pier` out",
+        );
+        return;
+    }
+    let camera = match mount.camera {
+        Some(_) => {
+            ", and the frames of its camera would lead it the wrong way after it turned over"
+        }
+        None => "",
+    };
+    found.warning(
+        about,
+        format!(
+            "it does not say on which side of its pier it hangs: if it is a German mount, it is not turned over in time{camera}; if it is a fork, say `german = false`"
+        ),
+    );
 }
 
 fn check_visits(

@@ -37,6 +37,7 @@ use sunglint_drivers::device::{
     DeviceError, Finder, Mount, MountAbilities, MountAxes, MountMotion, MountSite,
 };
 use sunglint_formats::session::{Target, What};
+use sunglint_formats::toml::Positive;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 
@@ -51,6 +52,8 @@ const LINE: Duration = Duration::from_millis(999);
 const MINUTE: Duration = Duration::from_secs(60);
 /// Time that parking may take, and two looks, min.
 const PARKS_MIN: f64 = 3.25;
+/// The mount lacks what the plan needs.
+const UNTOLD: &str = "`camera_angle_pier` says on which side of the pier `camera_angle_deg` holds, and this mount does not say on which side it hangs: its frames correct nothing (of a fork: `german = false`)";
 /// A plan for a German mount lacks this.
 const NO_SIDE: &str = "this mount turns over at the meridian, and its camera is upside down after it: on which side of the pier `camera_angle_deg` holds is not said (`camera_angle_pier`, east or west; `pier` in the events of a session): its frames correct nothing";
 /// How far ahead of the Sun a telescope that stands is moved away, min.
@@ -157,9 +160,9 @@ impl MountWork {
         worker.opened(mount.as_mut())?;
         // A mount whose line broke may still go on at its last rate.
         halt(mount.as_mut(), &worker.within(SOON))?;
-        let abilities = mount.abilities().clone();
+        let abilities = self.plan.known(mount.abilities());
         let cone = SunCone::default().with_limit_deg(self.plan.sun_limit_deg());
-        let guard = Guard::new(&self.station.site, abilities.axes, abilities.tells_pier_side, cone)
+        let guard = Guard::new(&self.station.site, abilities.axes, abilities.may_turn_over(), cone)
             .with_horizon(self.station.horizon.clone(), self.plan.min_elevation_deg());
         let mut dog = None;
         self.trust_clock_or_ask(worker);
@@ -177,7 +180,7 @@ impl MountWork {
             }
         }
         if self.sights.is_some() && !self.knows_side(&abilities) {
-            self.tell(NO_SIDE, worker);
+            self.tell(if abilities.tells_pier_side { NO_SIDE } else { UNTOLD }, worker);
         }
         worker.works();
         let done = self.follow_schedule(mount.as_mut(), &guard, &mut dog, worker);
@@ -378,7 +381,7 @@ impl MountWork {
         dog: &mut Option<Process>,
         worker: &mut Worker,
     ) -> Result<(), DeviceError> {
-        let abilities = mount.abilities().clone();
+        let abilities = self.plan.known(mount.abilities());
         let now = worker.clock.utc();
         let path = match job.path(&self.plan, &self.station, abilities.axes, guard, now) {
             Ok(path) => path,
@@ -463,7 +466,8 @@ impl MountWork {
                 self.trust_clock_or_ask(worker);
                 Ok(())
             }
-            Err(error @ TrackError::ByHand { .. }) => {
+            // Whoever stopped it: it stands until the next visit.
+            Err(error @ (TrackError::ByHand { .. } | TrackError::MeridianLimit { .. })) => {
                 self.hand.takes_again();
                 self.tell(&error.to_string(), worker);
                 self.by_hand = Some((job.visit.target.clone(), job.visit.from));
@@ -485,7 +489,8 @@ impl MountWork {
     /// Whether it is known how the camera sees the axes of this mount.
     fn knows_side(&self, abilities: &MountAbilities) -> bool {
         let side = self.sights.as_ref().and_then(|sights| sights.view().side);
-        side.is_some() || !abilities.tells_pier_side
+        // Of other axes than equatorial ones no side counts.
+        side.is_some() == abilities.tells_pier_side || abilities.axes == MountAxes::Horizontal
     }
 
     /// A visit that cannot be: the mount stands, and the night goes on with the next one.
@@ -588,6 +593,8 @@ impl MountWork {
         TrackOptions {
             watch_clock: worker.clock.is_live(),
             slew_within_s: self.plan.slew_within_s(),
+            slew_deg_s: self.plan.slew_deg_s.map(Positive::get),
+            german: self.plan.german != Some(false),
             unpark: false,
             ..TrackOptions::default()
         }

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
-use sunglint_drivers::device::{MountAxes, PierSide};
+use sunglint_drivers::device::{MountAbilities, MountAxes, PierSide};
 use sunglint_formats::ParseError;
 use sunglint_formats::session::Session;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
@@ -51,6 +51,9 @@ pub struct MountPlan {
     /// Hour angle past the meridian up to which a German mount follows before it turns over, deg.
     #[serde(default)]
     pub past_meridian_deg: Option<Within<0, 85>>,
+    /// Whether it is a German mount; false of a fork, also of one that tells a side of a pier. Without it, an equatorial mount may turn over, and one that tells its side is turned over.
+    #[serde(default)]
+    pub german: Option<bool>,
     /// Angle that a pixel sees, arcsec; the station's without.
     #[serde(default)]
     pub pixel_scale_arcsec: Option<Positive>,
@@ -133,6 +136,17 @@ impl MountPlan {
         self.past_meridian_deg.map_or(0.0, Within::get)
     }
 
+    /// Abilities of the mount, as this plan knows them.
+    pub fn known(&self, abilities: &MountAbilities) -> MountAbilities {
+        let mut known = abilities.clone();
+        match self.german {
+            Some(false) => (known.is_fork, known.tells_pier_side) = (true, false),
+            Some(true) => known.is_fork = false,
+            None => {}
+        }
+        known
+    }
+
     /// Speed of a slew, deg/s.
     pub fn slew_deg_s(&self) -> f64 {
         self.slew_deg_s.map_or(2.0, Positive::get)
@@ -145,7 +159,7 @@ impl MountPlan {
 
     /// Longest time that a slew may take, s: a whole turn, and a minute for its beginning and end.
     pub fn slew_within_s(&self) -> f64 {
-        (360.0 / self.slew_deg_s() + 60.0).clamp(120.0, 3600.0)
+        (360.0 / self.slew_deg_s() + 60.0).clamp(240.0, 3600.0)
     }
 
     /// Age at which the file of the weather counts as bad weather. One that no clock can hold never comes.
@@ -181,7 +195,7 @@ impl MountPlan {
             scale_arcsec,
             angle_deg: self.camera_angle_deg.map_or(0.0, Within::get),
             mirrored: self.camera_mirrored,
-            side: self.camera_angle_pier,
+            side: self.camera_angle_pier.filter(|_| self.german != Some(false)),
             aim_px: self.aim_px(station),
         })
     }
@@ -215,6 +229,10 @@ impl MountPlan {
                 let expected = format!("a {}; this is a {}", Kind::Mount, parsed.driver.kind);
                 return Err(wrong("device", &expected));
             }
+        }
+        if self.german == Some(false) && self.camera_angle_pier.is_some() {
+            let expected = "nothing: with `german = false` the camera is never upside down";
+            return Err(wrong("camera_angle_pier", expected));
         }
         if let Some(camera) = &self.camera {
             if !cameras.contains(camera) {

@@ -209,6 +209,16 @@ impl Estimator {
         self.trails.clear();
     }
 
+    /// The telescope looks away for longer than a rate that was learnt from frames holds: the offset stays what it is.
+    pub fn rest(&mut self) {
+        (self.offset.along.rate, self.offset.across.rate) = (0.0, 0.0);
+    }
+
+    /// Time since the offset was carried on last, s, at a time of the path.
+    pub fn since_s(&self, time_s: f64) -> f64 {
+        self.at_s.map_or(0.0, |at| time_s - at)
+    }
+
     /// Goes on to a time of the path, with the target's speed, rad/s.
     pub fn advance(&mut self, time_s: f64, speed_rad_s: f64) {
         let dt = self.at_s.map_or(0.0, |at| time_s - at);

@@ -23,6 +23,19 @@ pub(super) fn past_deg(side: PierSide, hour_angle_deg: f64) -> f64 {
     wrapped(hour_angle_deg - middle).abs() - 90.0
 }
 
+/// The other side.
+pub(super) fn other(side: PierSide) -> PierSide {
+    match side {
+        PierSide::East => PierSide::West,
+        PierSide::West => PierSide::East,
+    }
+}
+
+/// A margin of hour angle at a declination, deg: near the pole a small error on the sky is a large one of hour angle. At most 20 times as wide.
+pub(super) fn margin_deg(on_the_sky_deg: f64, declination_deg: f64) -> f64 {
+    on_the_sky_deg / declination_deg.to_radians().cos().max(0.05)
+}
+
 /// Times of a path of hour angles at which a mount turns over, s, where it hangs on the side of its first place and stays there up to `most_past_deg` past the end.
 /// Nothing for other axes.
 pub(super) fn turns_s(path: &TargetPath, most_past_deg: f64) -> Vec<f64> {
@@ -46,6 +59,14 @@ pub(super) fn turns_s(path: &TargetPath, most_past_deg: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: the cosine: 0.5° on the sky is 1° of hour angle at a declination of 60°.
+    #[test]
+    fn margins_grow_towards_the_pole() {
+        assert!((margin_deg(0.5, 60.0) - 1.0).abs() < 1e-9);
+        assert!((margin_deg(0.5, -90.0) - 10.0).abs() < 1e-9);
+        assert_eq!(other(other(PierSide::East)), PierSide::East);
+    }
 
     /// Truth: in words: what culminates is past the end on both sides by 0°, above the pole and below it.
     #[test]

@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, clock_offset_s};
 use sunglint_drivers::device::{
-    DeviceError, Finder, Mount, MountAxes, MountMotion, PierSide, Spot,
+    DeviceError, Finder, Mount, MountAxes, MountMotion, MountReading, PierSide, Spot,
 };
 
 /// A step of the clock that stops the tracking, s.
@@ -55,6 +55,11 @@ pub struct TrackOptions {
     pub unpark: bool,
     /// Hour angle past the meridian up to which a mount that tells its side of the pier follows before it is turned over, deg.
     pub past_meridian_deg: f64,
+    /// Speed of a slew, deg/s, where it is known: a mount that turns over is sent to where the target will be after half a turn at this speed. Without it the speed is that of its
+    /// rates, 2°/s at least.
+    pub slew_deg_s: Option<f64>,
+    /// Whether a mount that tells a side of the pier is a German one. A fork may tell one, too: it does not turn over, nor does its camera.
+    pub german: bool,
 }
 
 impl Default for TrackOptions {
@@ -66,13 +71,15 @@ impl Default for TrackOptions {
             acceleration_deg_s2: 2.0,
             estimator: EstimatorOptions::default(),
             lead_s: 10.0,
-            slew_within_s: 120.0,
+            slew_within_s: 240.0,
             open_loop: false,
             nudge_s: 0.0,
             watch_clock: true,
             reach_arcsec: 1800.0,
             unpark: true,
             past_meridian_deg: 0.0,
+            slew_deg_s: None,
+            german: true,
         }
     }
 }
@@ -81,12 +88,34 @@ impl Default for TrackOptions {
 const AMONG_STARS_RAD_S: f64 = 1e-5;
 /// Frames without the target after which it is searched for along the track.
 const EMPTY: u32 = 3;
-/// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
-const ARRIVES_DEG: f64 = 2.0;
+/// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller. Some mounts go to the hour angle that the place had in the beginning: what the
+/// stars turn meanwhile is added.
+const ARRIVES_DEG: f64 = 0.5;
+/// Nearer than that to its goal, deg, a mount that has not said that it slews need not say it any more.
+const NEAR_DEG: f64 = 0.02;
 /// Time after which a mount says that it slews, s.
 const BEGINS_S: f64 = 5.0;
-/// A mount that is sent so far past the end of the side that it says, deg, names its sides in another way.
+/// Time for which a mount has to stand away from its goal before it counts as stopped, s, and the way that is no motion, deg: one bad reading is no stop.
+const STANDS: (f64, f64) = (3.0, 0.1);
+/// A mount that is sent so far past the end of the side that it says, deg, names its sides the other way round; not near the pole, deg of declination.
 const OWN_CHOICE_DEG: f64 = 5.0;
+const OWN_CHOICE_BELOW_DEG: f64 = 85.0;
+/// Time for which it is looked whether a mount that was turned over says the other side, s.
+const SAYS_SIDE_S: f64 = 2.0;
+/// Hour angle after which a mount that did not turn over is asked again, deg: for the first time, and from then on.
+const AGAIN_DEG: [f64; 2] = [1.0, 5.0];
+/// After a turn over the mount has to come so far past the end of its side, deg, to be turned over again within so many seconds.
+const BACK: (f64, f64) = (0.5, 300.0);
+/// Farthest past the end of a side at which a mount that stands is taken to be at its own limit, deg.
+const LIMIT_DEG: f64 = 20.0;
+/// Slowest speed that is believed of a slew where nobody says it, deg/s.
+const SLEW_DEG_S: f64 = 2.0;
+/// Time over which a mount that moved by itself is seen to do no more than it was told, s; way that is none, deg, and part of the way that may be missing.
+const RESTS: (f64, f64, f64) = (1.0, 0.1, 0.25);
+/// Time before it is noticed that a mount goes its own way, s.
+const BEFORE_S: f64 = 3.0;
+/// Time of a call that sends the mount to a place, s: it may have to wait until the mount says that it slews. Shorter than the watchdog's patience.
+const GOTO_S: f64 = 3.8;
 /// Time that a mount takes to begin and end the turn over, beside the way, s.
 const TURN_ENDS_S: f64 = 5.0;
 /// Farthest from the finder's middle that a target is kept, arcsec: 2°.
@@ -94,6 +123,8 @@ const FARTHEST_ARCSEC: f64 = 7200.0;
 /// Texts of what somebody else did.
 pub(super) const PARKED: &str = "the mount was parked by somebody else";
 pub(super) const STOPPED: &str = "the mount was stopped by somebody else";
+/// A person's order that needs the camera's axes.
+const NO_SIDE: &str = "not done: the mount does not say on which side of its pier it hangs, and on one of them the image is upside down";
 /// Readings that are kept: a minute of ten a second, for frames with long exposures.
 const READINGS: usize = 600;
 
@@ -193,6 +224,32 @@ pub enum TrackError {
         /// Way that it went, deg.
         moved_deg: f64,
     },
+    /// The mount stands, past the meridian.
+    #[error(
+        "the mount stopped {past_deg:.1}° past the meridian: that looks like its own meridian limit (in its driver or its handset), if nobody stopped it; set it wider there, or let sunglint turn a German mount over before it (`past_meridian_deg`, --past-meridian)"
+    )]
+    MeridianLimit {
+        /// Hour angle past the meridian, deg.
+        past_deg: f64,
+    },
+}
+
+/// What a mount did by itself.
+enum Own {
+    /// Nothing.
+    Nothing,
+    /// It moved, or turned over: the senses were learnt anew.
+    Moved,
+    /// `each` broke meanwhile.
+    Broken,
+}
+
+/// A mount that did not turn over when it should have.
+#[derive(Debug, Clone, Copy)]
+struct Stays {
+    side: PierSide,
+    hour_angle_deg: f64,
+    times: usize,
 }
 
 /// How a tracking went.
@@ -231,8 +288,16 @@ pub struct Tracker<'a> {
     motion: Option<MountMotion>,
     /// Whether it was seen following the rates that it was given.
     followed: bool,
-    /// Side of the pier from which it did not turn over when it should have: it is not asked again.
-    stays: Option<PierSide>,
+    /// Side of the pier on which the senses were learnt.
+    learnt: Option<PierSide>,
+    /// Where it did not turn over when it should have: it is not asked again soon.
+    stays: Option<Stays>,
+    /// Whether it says east where others say west.
+    names_swapped: bool,
+    /// When it turned over last, s of the path.
+    turned_s: Option<f64>,
+    /// Whether it was tried to turn it over where it stood still.
+    limit_tried: bool,
     most_deg_s: [f64; 2],
     seen_arcsec: Option<f64>,
     search_from_s: Option<f64>,
@@ -278,7 +343,11 @@ impl<'a> Tracker<'a> {
             pier: None,
             motion: None,
             followed: false,
+            learnt: None,
             stays: None,
+            names_swapped: false,
+            turned_s: None,
+            limit_tried: false,
             most_deg_s: [0.0; 2],
             seen_arcsec: None,
             search_from_s: None,
@@ -388,21 +457,29 @@ impl<'a> Tracker<'a> {
         Ok(())
     }
 
-    /// An offset that the finder, or a person by its frames, gives: along the growing axes on the side of the pier on which the mount hangs.
-    fn along_axes(&self, of_finder: [f64; 2]) -> [f64; 2] {
+    /// Whether the finder looks upside down; `None` where its axes are known for one side of the pier, and the mount does not say on which it hangs.
+    fn is_upside_down(&self) -> Option<bool> {
         let side = self.finder.as_ref().and_then(|finder| finder.side());
-        let turned = side.is_some_and(|side| self.pier.is_some_and(|pier| pier != side));
-        if turned { of_finder.map(|arcsec| -arcsec) } else { of_finder }
+        match (side.filter(|_| self.options.german), self.pier) {
+            (None, _) => Some(false),
+            (Some(side), Some(pier)) => Some(side != pier),
+            (Some(_), None) => None,
+        }
+    }
+
+    /// An offset that the finder, or a person by its frames, gives: along the growing axes on the side of the pier on which the mount hangs; `None` where that is not known.
+    fn along_axes(&self, of_finder: [f64; 2]) -> Option<[f64; 2]> {
+        let sign = if self.is_upside_down()? { -1.0 } else { 1.0 };
+        Some(of_finder.map(|arcsec| sign * arcsec))
     }
 
     /// Where the telescope should look at a time: at the target, or so that it stands in the frame where a person wants it.
     fn target(&self, time_s: f64) -> DVec3 {
         let target = self.believed(time_s);
-        match self.orders.map(Orders::keep_arcsec) {
-            Some(keep) if keep != [0.0; 2] => {
-                shifted(target, self.along_axes(keep).map(|arcsec| -arcsec))
-            }
-            _ => target,
+        let keep = self.orders.map(Orders::keep_arcsec).filter(|keep| *keep != [0.0; 2]);
+        match keep.and_then(|keep| self.along_axes(keep)) {
+            Some(keep) => shifted(target, keep.map(|arcsec| -arcsec)),
+            None => target,
         }
     }
 
@@ -411,7 +488,8 @@ impl<'a> Tracker<'a> {
         if let Some(hold) = &self.hold {
             return shifted(self.path.at(time_s - self.options.nudge_s).direction, hold.off);
         }
-        let learnt_s = self.estimator.seen_s.map_or(0.0, |seen| (time_s - seen).clamp(0.0, 5.0));
+        // From the time on up to which the offset was carried on.
+        let learnt_s = self.estimator.since_s(time_s).clamp(0.0, 5.0);
         let ahead_s = if self.estimator.locked { learnt_s } else { 0.0 };
         let along = self.estimator.offset.along.after(ahead_s) + self.search_s(time_s);
         self.estimator.displaced(&self.path.at(time_s + along), ahead_s)
@@ -457,10 +535,17 @@ impl<'a> Tracker<'a> {
     }
 
     fn read(&mut self) -> Result<[f64; 2], TrackError> {
-        let reading = self.mount.reading(&self.soon())?;
+        Ok(self.reading()?.1)
+    }
+
+    /// A reading, and its angles, deg; the first unwrapped.
+    fn reading(&mut self) -> Result<(MountReading, [f64; 2]), TrackError> {
+        let reading = self.mount.reading(&self.soon()).map_err(by_hand)?;
+        // A mount that says no side for a moment, as while it turns over, hangs where it hung.
+        let pier = reading.pier.or(self.pier);
         let mut angle = self.path.angles_of(&reading);
         let time_s = self.path.time_s(reading.utc);
-        if self.pier != reading.pier {
+        if self.pier != pier {
             // Frames of before were taken by a camera that was upside down.
             self.readings.clear();
         }
@@ -475,8 +560,8 @@ impl<'a> Tracker<'a> {
         if self.readings.len() > READINGS.max(frames.min(20 * READINGS)) {
             self.readings.pop_front();
         }
-        (self.pier, self.motion) = (reading.pier, Some(reading.motion));
-        Ok(angle)
+        (self.pier, self.motion) = (pier, Some(reading.motion));
+        Ok((reading, angle))
     }
 
     /// Whether somebody else stopped or parked the mount since it was told to move: that is not undone.
@@ -576,23 +661,29 @@ impl<'a> Tracker<'a> {
             let now_s = self.now_s();
             // A mount that follows the stars afterwards should stand where the target comes.
             let place = self.path.place_of(angle_to, now_s);
-            let soon = self.soon();
+            let soon = self.within(GOTO_S);
             self.mount.begin_goto(place, &soon)?;
             let begun_s = self.now_s();
             let mut slewed = false;
+            // Since when it stands beside its goal, and where.
+            let mut beside: Option<(f64, [f64; 2])> = None;
             loop {
                 self.sleep(self.options.period_s)?;
                 self.check_clock()?;
-                let angle = self.read()?;
+                let (reading, angle) = self.reading()?;
                 let step = self.step(TrackState::Slewing, angle, to, [0.0; 2]);
                 self.guard.check_sun(frame.to_enu(direction(angle)), self.clock.utc())?;
                 if each(&step).is_break() {
                     return Ok(false);
                 }
-                let reading = self.mount.reading(&self.soon())?;
                 let after_s = self.now_s() - begun_s;
                 slewed |= reading.motion == MountMotion::Slewing;
-                if reading.motion != MountMotion::Slewing {
+                if reading.motion == MountMotion::Parked {
+                    return Err(TrackError::ByHand { what: PARKED });
+                }
+                if reading.motion == MountMotion::Slewing {
+                    beside = None;
+                } else {
                     // A mount that follows the stars stays at their places.
                     let goal = match reading.motion {
                         MountMotion::Tracking => {
@@ -600,20 +691,24 @@ impl<'a> Tracker<'a> {
                         }
                         _ => angle_to,
                     };
-                    let there = self.path.angles_of(&reading);
-                    let off = direction(there).angle_between(direction(goal)).to_degrees();
-                    match reading.motion {
-                        MountMotion::Parked => {
-                            return Err(TrackError::ByHand { what: PARKED });
+                    let off = direction(angle).angle_between(direction(goal)).to_degrees();
+                    // One that says that it follows the stars does so where it has arrived; one that was stopped may go back to it.
+                    let stands = reading.motion == MountMotion::Still && self.tells_tracking();
+                    let begun = slewed || off < NEAR_DEG || after_s > BEGINS_S;
+                    let arrives_deg = ARRIVES_DEG + 0.0042 * after_s;
+                    if begun && !stands && off < arrives_deg {
+                        break;
+                    }
+                    let moved = |from: [f64; 2]| {
+                        direction(angle).angle_between(direction(from)).to_degrees() > STANDS.1
+                    };
+                    match beside {
+                        Some((since_s, from)) if !moved(from) => {
+                            if after_s - since_s >= STANDS.0 && (slewed || after_s > BEGINS_S) {
+                                return Err(TrackError::ByHand { what: STOPPED });
+                            }
                         }
-                        // It has not begun to say so.
-                        MountMotion::Tracking
-                            if off > ARRIVES_DEG && !slewed && after_s < BEGINS_S => {}
-                        // One that was stopped may go back to following the stars.
-                        _ if off > ARRIVES_DEG => {
-                            return Err(TrackError::ByHand { what: STOPPED });
-                        }
-                        _ => break,
+                        _ => beside = Some((after_s, angle)),
                     }
                 }
                 if after_s > self.options.slew_within_s {
@@ -621,7 +716,126 @@ impl<'a> Tracker<'a> {
                 }
             }
         }
+        self.learn_names();
         Ok(true)
+    }
+
+    /// Whether a mount that stands after a goto was stopped.
+    fn tells_tracking(&self) -> bool {
+        let abilities = self.mount.abilities();
+        abilities.tells_tracking && self.path.frame().axes == MountAxes::Equatorial
+    }
+
+    /// Whether it is a German mount that says on which side of the pier it hangs.
+    fn is_german(&self) -> bool {
+        let equatorial = self.path.frame().axes == MountAxes::Equatorial;
+        equatorial && self.options.german && self.mount.abilities().tells_pier_side
+    }
+
+    /// The side of the pier by the name that others give it.
+    fn true_side(&self) -> Option<PierSide> {
+        self.pier.map(|side| if self.names_swapped { pier::other(side) } else { side })
+    }
+
+    /// A mount that chose, by a goto, the side that cannot be names its sides the other way round.
+    fn learn_names(&mut self) {
+        let Some((_, [hour_angle, declination])) = self.readings.back().copied() else { return };
+        let Some(side) = self.true_side().filter(|_| self.is_german()) else { return };
+        let margin_deg = pier::margin_deg(OWN_CHOICE_DEG, declination);
+        let past_deg = pier::past_deg(side, hour_angle) - self.options.past_meridian_deg;
+        if past_deg > margin_deg && declination.abs() < OWN_CHOICE_BELOW_DEG {
+            self.names_swapped = !self.names_swapped;
+        }
+    }
+
+    /// Tries which way the axes turn, on the side of the pier on which it hangs now. What it was told before, and where it stood, counts no more.
+    fn learn(&mut self) -> Result<(), TrackError> {
+        let within = self.within(20.0);
+        self.mount.learn_senses(&within).map_err(by_hand)?;
+        (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
+        self.read()?;
+        self.learnt = self.pier;
+        self.followed = false;
+        Ok(())
+    }
+
+    /// Lets a mount end what it does by itself: a slew of its own, as when it turns over at its own limit, or a turn that only the side of the pier tells. Nothing is sent
+    /// meanwhile, as that would end it half-way. Then the senses are learnt anew.
+    fn own_motion(
+        &mut self,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<Own, TrackError> {
+        // Some mounts say for ever that they slew, while they have rates.
+        let slews = self.motion == Some(MountMotion::Slewing) && self.followed;
+        let turned = self.pier != self.learnt;
+        if !slews && !turned {
+            return Ok(Own::Nothing);
+        }
+        self.wait_for_it(each)
+    }
+
+    /// Waits until the mount does no more than it was told, and learns the senses anew.
+    fn wait_for_it(
+        &mut self,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<Own, TrackError> {
+        let begun_s = self.now_s();
+        let commands = std::mem::take(&mut self.commands);
+        let last = commands.back().map_or([0.0; 2], |(_, rates)| *rates);
+        // Rates of before it went its own way: those since then ran after it.
+        let before = commands.iter().rev().find(|(sent_s, _)| *sent_s < begun_s - BEFORE_S);
+        let rates = before.map_or(last, |(_, rates)| *rates);
+        let most_s = self.turn_s().max(60.0).min(self.options.slew_within_s);
+        // Where it stood a second ago.
+        let mut from: Option<(f64, [f64; 2])> = None;
+        loop {
+            self.sleep(self.options.period_s)?;
+            self.check_clock()?;
+            let (reading, angle) = self.reading()?;
+            let frame = self.path.frame();
+            self.guard.check_sun(frame.to_enu(direction(angle)), self.clock.utc())?;
+            let now_s = self.now_s();
+            let target = self.target_deg(now_s.max(0.0), angle[0]);
+            if each(&self.step(TrackState::Slewing, angle, target, rates)).is_break() {
+                return Ok(Own::Broken);
+            }
+            match reading.motion {
+                MountMotion::Parked => return Err(TrackError::ByHand { what: PARKED }),
+                MountMotion::Slewing => from = None,
+                _ => {
+                    let read_s = self.path.time_s(reading.utc);
+                    match from {
+                        Some((from_s, at)) if read_s - from_s >= RESTS.0 => {
+                            // The sense of an axis may have turned round with the side.
+                            let rests = [0, 1].into_iter().all(|i| {
+                                let went = wrapped(angle[i] - at[i]).abs();
+                                let told = (rates[i] * (read_s - from_s)).abs();
+                                went < RESTS.1 || (went - told).abs() < RESTS.1 + RESTS.2 * told
+                            });
+                            let stopped = reading.motion == MountMotion::Still;
+                            if rests && stopped && self.tells_tracking() && rates != [0.0; 2] {
+                                // After a turn of its own it follows again.
+                                return Err(TrackError::ByHand { what: STOPPED });
+                            }
+                            if rests {
+                                break;
+                            }
+                            from = Some((read_s, angle));
+                        }
+                        Some(_) => {}
+                        None => from = Some((read_s, angle)),
+                    }
+                }
+            }
+            let after_s = now_s - begun_s;
+            if after_s > most_s {
+                return Err(TrackError::SlewTooLong { after_s });
+            }
+        }
+        self.estimator.rest();
+        self.turned_s = Some(self.now_s());
+        self.learn()?;
+        Ok(Own::Moved)
     }
 
     fn step(
@@ -675,19 +889,17 @@ impl<'a> Tracker<'a> {
         if !self.slew(self.options.lead_s, each)? {
             return Ok(TrackSummary { cancelled: true, ..summary });
         }
-        self.mount.learn_senses(&self.within(20.0))?;
-        let mut pier = self.pier;
-        if let (Some(side), Some((_, angle))) = (pier, self.readings.back())
-            && pier::past_deg(side, angle[0]) > self.options.past_meridian_deg + OWN_CHOICE_DEG
-        {
-            // It chose that side itself: it means something else by it.
-            self.stays = Some(side);
-        }
+        self.learn()?;
         // Before the target comes, the mount stands.
         while self.now_s() < 0.0 {
             self.sleep(self.options.period_s.min(-self.now_s()).max(0.001))?;
             self.check_clock()?;
             let angle = self.read()?;
+            match self.own_motion(each)? {
+                Own::Nothing => {}
+                Own::Moved => continue,
+                Own::Broken => return Ok(TrackSummary { cancelled: true, ..summary }),
+            }
             self.check_hand()?;
             self.check_ahead(angle)?;
             let target = self.target_deg(0.0, angle[0]);
@@ -706,18 +918,17 @@ impl<'a> Tracker<'a> {
         while self.now_s() < self.path.seconds() {
             self.check_clock()?;
             let angle = self.read()?;
-            if self.pier != pier {
-                // Turned over: which way is up has to be tried again.
-                self.command([0.0; 2])?;
-                self.mount.learn_senses(&self.within(20.0))?;
-                pier = self.pier;
-                (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
-                self.followed = false;
-                check = None;
-                continue;
+            match self.own_motion(each)? {
+                Own::Nothing => {}
+                Own::Moved => {
+                    check = None;
+                    continue;
+                }
+                Own::Broken => return Ok(TrackSummary { cancelled: true, ..summary }),
             }
-            self.check_hand()?;
+            self.check_hand().map_err(|error| self.limit(error, angle))?;
             if let Some(side) = self.ends_its_side(angle) {
+                check = None;
                 if !self.turn_over(side, each)? {
                     return Ok(TrackSummary { cancelled: true, ..summary });
                 }
@@ -736,8 +947,36 @@ impl<'a> Tracker<'a> {
                 (self.target_deg(acts_s, then[0]), self.target_deg(acts_s + 2.0 * half, then[0]));
             let ahead = [0, 1].map(|i| (after[i] - before[i]) / (2.0 * half));
             let rates = self.rates(then, target, ahead);
-            self.command(rates)?;
-            self.check_follows(&mut check, read_s, angle)?;
+            self.command(rates).map_err(|error| self.limit(error, angle))?;
+            if let Err(error) = self.check_follows(&mut check, read_s, angle) {
+                // It goes elsewhere where it may turn over, and does not say that it slews: that is left to it, once.
+                if self.turns_by_itself(&error) && !self.limit_tried {
+                    self.limit_tried = true;
+                    check = None;
+                    match self.wait_for_it(each)? {
+                        Own::Broken => return Ok(TrackSummary { cancelled: true, ..summary }),
+                        _ => continue,
+                    }
+                }
+                let error = self.limit(error, angle);
+                // It says that it follows, and stands: at its limit. On the other side there is none.
+                let side = match error {
+                    TrackError::MeridianLimit { .. } if !self.limit_tried => {
+                        self.pier.filter(|_| self.is_german())
+                    }
+                    _ => None,
+                };
+                let Some(side) = side else { return Err(error) };
+                self.limit_tried = true;
+                check = None;
+                if !self.turn_over(side, each)? {
+                    return Ok(TrackSummary { cancelled: true, ..summary });
+                }
+                if self.pier == Some(side) {
+                    return Err(error);
+                }
+                continue;
+            }
             let shown = self.target_deg(read_s, angle[0]);
             summary.steps += 1;
             let mut step = self.step(state, angle, shown, rates);
@@ -754,11 +993,63 @@ impl<'a> Tracker<'a> {
 
     /// The side of the pier on which a German mount hangs, where it has followed as far as it may there.
     fn ends_its_side(&self, angle: [f64; 2]) -> Option<PierSide> {
-        let side = self.pier.filter(|_| self.mount.abilities().tells_pier_side)?;
-        let is_german = self.path.frame().axes == MountAxes::Equatorial;
-        let stays = self.stays == Some(side);
-        let past = pier::past_deg(side, angle[0]) > self.options.past_meridian_deg;
-        (is_german && !stays && past).then_some(side)
+        let side = self.pier.filter(|_| self.is_german())?;
+        let past_deg = pier::past_deg(self.true_side()?, angle[0]);
+        let now_s = self.now_s();
+        // A mount that chose its side at the meridian is not sent to and fro.
+        let fresh = self.turned_s.is_some_and(|turned_s| now_s - turned_s < BACK.1);
+        let margin_deg = if fresh { pier::margin_deg(BACK.0, angle[1]) } else { 0.0 };
+        let stays = self.stays.is_some_and(|stays| {
+            let again_deg = AGAIN_DEG[stays.times.min(AGAIN_DEG.len()) - 1];
+            let went_deg = wrapped(angle[0] - stays.hour_angle_deg).abs();
+            stays.side == side && went_deg < pier::margin_deg(again_deg, angle[1])
+        });
+        // It would be there when all is over.
+        let is_over = now_s + self.turn_s() > self.path.seconds();
+        let past = past_deg > self.options.past_meridian_deg + margin_deg;
+        (past && !stays && !is_over).then_some(side)
+    }
+
+    /// Time that a turn over takes, s: both axes go half a circle at most.
+    fn turn_s(&self) -> f64 {
+        let rates = self.most_deg_s[0].min(self.most_deg_s[1]);
+        let speed = self.options.slew_deg_s.unwrap_or(rates.max(SLEW_DEG_S));
+        180.0 / speed.max(0.1) + TURN_ENDS_S
+    }
+
+    /// Whether what a mount does, where the target is past the meridian, looks like a turn over of its own: in two seconds it goes more than twice the target's way, and a degree.
+    fn turns_by_itself(&self, error: &TrackError) -> bool {
+        let TrackError::DoesNotFollow { moved_deg, .. } = error else { return false };
+        let Some(side) = self.true_side().filter(|_| self.is_german()) else { return false };
+        let now_s = self.now_s();
+        let past_deg = pier::past_deg(side, self.target_deg(now_s, 0.0)[0]);
+        let speed_deg_s = self.path.at(now_s).speed_rad_s().to_degrees();
+        *moved_deg > 1.0 + 4.0 * speed_deg_s && past_deg > 0.0 && past_deg < LIMIT_DEG
+    }
+
+    /// What stands where a mount's own limit may be names that.
+    fn limit(&self, error: TrackError, [hour_angle, declination]: [f64; 2]) -> TrackError {
+        let stands = matches!(error, TrackError::ByHand { what: STOPPED })
+            || matches!(error, TrackError::DoesNotFollow { asked_deg, moved_deg } if moved_deg < asked_deg);
+        if !stands || self.path.frame().axes != MountAxes::Equatorial {
+            return error;
+        }
+        let past_deg = match self.true_side().filter(|_| self.is_german()) {
+            Some(side) => pier::past_deg(side, hour_angle),
+            // Not known: past the upper meridian, or the lower one, in the sense in which the target goes.
+            None => {
+                let at = |time_s: f64| angles(self.path.at(time_s).direction)[0];
+                let now_s = self.now_s();
+                let sense = wrapped(at(now_s + 1.0) - at(now_s)).signum();
+                let lower = wrapped(hour_angle - 180.0);
+                sense * if hour_angle.abs() < lower.abs() { hour_angle } else { lower }
+            }
+        };
+        let early_deg = pier::margin_deg(0.5, declination);
+        match past_deg > -early_deg && past_deg < LIMIT_DEG {
+            true => TrackError::MeridianLimit { past_deg },
+            false => error,
+        }
     }
 
     /// Turns a German mount over, to where the target will be. False where `each` broke.
@@ -768,19 +1059,36 @@ impl<'a> Tracker<'a> {
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<bool, TrackError> {
         self.command([0.0; 2])?;
-        // Both axes go half a circle at most; it is there before the target.
-        let fastest = self.most_deg_s[0].min(self.most_deg_s[1]).max(1e-3);
+        // It is there before the target.
         let left_s = (self.path.seconds() - self.now_s()).max(0.0);
-        let lead_s = (180.0 / fastest + TURN_ENDS_S).min(left_s);
-        let done = self.slew(lead_s, each)?;
-        if self.pier == Some(side) {
-            // It says that it can go on there.
-            self.stays = Some(side);
+        let lead_s = self.turn_s().min(left_s);
+        // What was learnt of the target's drift does not hold for so long.
+        self.estimator.rest();
+        if !self.slew(lead_s, each)? {
+            return Ok(false);
         }
-        // Frames of the way, and of its end, tell nothing.
-        (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
-        self.followed = false;
-        Ok(done)
+        // Some say the new side late.
+        let until_s = self.now_s() + SAYS_SIDE_S;
+        while self.pier == Some(side) && self.now_s() < until_s {
+            self.sleep(self.options.period_s)?;
+            let angle = self.read()?;
+            let target = self.target_deg(self.now_s(), angle[0]);
+            if each(&self.step(TrackState::Slewing, angle, target, [0.0; 2])).is_break() {
+                return Ok(false);
+            }
+        }
+        self.turned_s = Some(self.now_s());
+        self.stays = match (self.pier == Some(side), self.readings.back()) {
+            // It says that it can go on there.
+            (true, Some((_, angle))) => {
+                let before = self.stays.filter(|stays| stays.side == side);
+                let times = before.map_or(1, |stays| stays.times + 1);
+                Some(Stays { side, hour_angle_deg: angle[0], times })
+            }
+            _ => None,
+        };
+        self.learn()?;
+        Ok(true)
     }
 
     /// Stops before the place comes near the Sun, or too low.
@@ -813,10 +1121,17 @@ impl<'a> Tracker<'a> {
 
     fn command(&mut self, rates: [f64; 2]) -> Result<(), TrackError> {
         let sent_s = self.now_s();
-        self.mount.set_rates(rates, &self.soon()).map_err(|error| match error {
-            DeviceError::Taken { what, .. } => TrackError::ByHand { what },
-            error => error.into(),
-        })?;
+        match self.mount.set_rates(rates, &self.soon()) {
+            Err(DeviceError::NotReady { device, reason }) => {
+                // It may have turned over since it was read: the senses are learnt before the next command.
+                self.read()?;
+                return match self.pier != self.learnt {
+                    true => Ok(()),
+                    false => Err(DeviceError::NotReady { device, reason }.into()),
+                };
+            }
+            done => done.map_err(by_hand)?,
+        }
         self.commands.push_back((sent_s, rates));
         if self.commands.len() > 100 {
             self.commands.pop_front();
@@ -830,13 +1145,14 @@ impl<'a> Tracker<'a> {
         while let Some(order) = orders.next() {
             let before = (orders.keep_arcsec(), self.estimator.clone(), self.hold.clone());
             match order {
+                _ if self.is_upside_down().is_none() => orders.refuse(NO_SIDE.to_owned()),
                 Order::Keep { offset_arcsec } => orders.keep(offset_arcsec),
                 // Both count in the frame.
                 Order::Jog { arcsec } if self.holds_light() => {
                     let keep = orders.keep_arcsec();
                     orders.keep([0, 1].map(|i| keep[i] - arcsec[i]));
                 }
-                Order::Jog { arcsec } => self.shift(self.along_axes(arcsec)),
+                Order::Jog { arcsec } => self.shift(self.along_axes(arcsec).unwrap_or(arcsec)),
                 Order::Lock { middle, offset_arcsec } => {
                     if let Err(why) = self.lock(middle, offset_arcsec) {
                         orders.refuse(why);
@@ -899,7 +1215,7 @@ impl<'a> Tracker<'a> {
                 "where the mount stood {ago_s:.0} s ago, at the time of that frame, is not known any more: take a newer frame"
             ));
         };
-        let offset_arcsec = self.along_axes(offset_arcsec);
+        let offset_arcsec = self.along_axes(offset_arcsec).ok_or(NO_SIDE)?;
         let seen = seen_at(angle, &Spot { offset_arcsec, flux: 0.0 });
         if self.hold.is_some() {
             let predicted = self.path.at(time_s - self.options.nudge_s).direction;
@@ -922,8 +1238,14 @@ impl<'a> Tracker<'a> {
             return Ok(TrackState::Predicted);
         };
         if let Some(mut frame) = finder.frame(&soon)? {
-            for spot in &mut frame.spots {
-                spot.offset_arcsec = self.along_axes(spot.offset_arcsec);
+            let Some(is_upside_down) = self.is_upside_down() else {
+                // Its frames would steer the wrong way on one of the sides.
+                return Ok(TrackState::Predicted);
+            };
+            if is_upside_down {
+                for spot in &mut frame.spots {
+                    spot.offset_arcsec = spot.offset_arcsec.map(|arcsec| -arcsec);
+                }
             }
             self.seen_arcsec = None;
             let time_s = self.path.time_s(frame.middle);
@@ -958,6 +1280,9 @@ impl<'a> Tracker<'a> {
                     self.seen_arcsec = Some(direction(angle).angle_between(target) * ARCSEC);
                 }
             }
+        }
+        if self.is_upside_down().is_none() {
+            return Ok(TrackState::Predicted);
         }
         let now_s = self.now_s();
         if let Some(hold) = &self.hold {
@@ -1042,6 +1367,14 @@ impl<'a> Tracker<'a> {
             return Err(TrackError::DoesNotFollow { asked_deg, moved_deg });
         }
         Ok(())
+    }
+}
+
+/// What a mount says of others' hands.
+fn by_hand(error: DeviceError) -> TrackError {
+    match error {
+        DeviceError::Taken { what, .. } => TrackError::ByHand { what },
+        error => error.into(),
     }
 }
 
