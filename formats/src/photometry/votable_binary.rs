@@ -95,7 +95,7 @@ enum Gathered {
 impl Gathered {
     fn of(layout: &Layout<'_>) -> Self {
         match (layout.form.kind, layout.size) {
-            ("boolean", Size::One) => Self::Truth(Vec::new()),
+            ("boolean" | "bit", Size::One) => Self::Truth(Vec::new()),
             ("long", Size::One) => Self::Whole(Vec::new()),
             ("unsignedByte" | "short" | "int" | "float" | "double", Size::One) => {
                 Self::Numbers(Vec::new())
@@ -116,6 +116,8 @@ impl Gathered {
         match self {
             Self::Truth(values) => values.push(match cell.first() {
                 _ if is_null => None,
+                // Writers do not agree which bit of the byte a single one is.
+                Some(byte) if form.kind == "bit" => Some(*byte != 0),
                 Some(b'T' | b't' | b'1') => Some(true),
                 Some(b'F' | b'f' | b'0') => Some(false),
                 _ => None,

@@ -209,7 +209,7 @@ fn of_rows(
         // Arrays, complex numbers and bits are no columns of numbers: they stay texts.
         let is_number =
             matches!(kind, "unsignedByte" | "short" | "int" | "long" | "float" | "double" | "");
-        if kind == "boolean" && array.is_none() {
+        if matches!(kind, "boolean" | "bit") && array.is_none() {
             let truth = |text: Option<String>| match text?.to_ascii_lowercase().as_str() {
                 "t" | "1" | "true" => Some(true),
                 "f" | "0" | "false" => Some(false),
