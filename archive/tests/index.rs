@@ -284,7 +284,7 @@ fn samples_of_two_files_count_once() {
     let (of_v, of_r) =
         (joined.table.f64("V_rate_hz").unwrap(), joined.table.f64("R_rate_hz").unwrap());
     let there = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
-    assert_eq!((there(of_v), there(of_r)), (30, 20));
+    assert_eq!((there(&of_v), there(&of_r)), (30, 20));
     // One number that differs in its last digit.
     write(root, "copies/iss.ecsv", &own.replace(" 119 ", " 119.5 "));
     let error = join::join(&ask(root, &v), &v, root).unwrap_err().to_string();

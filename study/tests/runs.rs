@@ -235,7 +235,8 @@ min_altitude_deg = 5.0
 
 #[test]
 fn a_panic_is_an_error_with_its_message() {
-    let texts: [(fn() -> u32, &str); 3] = [
+    type Work = fn() -> u32;
+    let texts: [(Work, &str); 3] = [
         (|| panic!("fixed"), "(fixed)"),
         (|| panic!("number {}", std::hint::black_box(3)), "(number 3)"),
         (|| std::panic::resume_unwind(Box::new(1_u8)), "(without a message)"),
