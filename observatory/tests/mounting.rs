@@ -432,6 +432,33 @@ fn a_tracker_leaves_a_stopped_mount_alone() {
     assert_eq!(stage.motion(), MountMotion::Parked);
 }
 
+/// Truth: by hand: stopped 2.5° before its goal, a mount that brakes in time stands somewhere before it, here more than the 0.6° of pointing errors and less than 2.5° from it: that is no arrival.
+#[test]
+fn a_slew_that_is_broken_off_near_its_goal_has_not_arrived() {
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    let earth = EarthOrientation::embedded();
+    let axes = stage.telescope.mount().abilities().axes;
+    let vega = sunglint_radiometry::sky::Catalogue::embedded().find("Vega").unwrap();
+    let path = TargetPath::star(vega, &site(), earth, (stage.start, 120.0), axes, false).unwrap();
+    let guard = Guard::new(&site(), axes, false, SunCone::default());
+    let mut options = TrackOptions::default();
+    options.watch_clock = false;
+    let (mut mount, mut other) = (stage.telescope.mount(), stage.telescope.mount());
+    let mut tracker = Tracker::new(&path, &guard, &mut mount, None, stage.clock(), options);
+    let mut last_deg = 180.0;
+    let mut told = false;
+    let ended = tracker.run(&Cancel::new(), &mut |step| {
+        last_deg = step.error_arcsec / 3600.0;
+        if last_deg < 2.5 && !told {
+            other.stop(&soon()).unwrap();
+            told = true;
+        }
+        ControlFlow::Continue(())
+    });
+    assert!(matches!(ended, Err(TrackError::ByHand { .. })), "{ended:?}");
+    assert!((0.6..2.5).contains(&last_deg), "{last_deg}");
+}
+
 /// Truth: the rule in words: a watchdog whose own connection is lost ends, though the tracker lives: the tracker then sees that nobody watches.
 #[test]
 fn a_watchdog_whose_line_breaks_ends() {
