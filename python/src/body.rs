@@ -1,15 +1,17 @@
 //! Light of bodies and BRDFs on arrays of directions.
 
-use crate::watch::{Error, Failure, run};
+use crate::watch::{Error, Failure, refuse_fork, run};
 use glam::DVec3;
 use ndarray::{ArrayView1, ArrayView2, s};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use sunglint_formats::nearest_names;
 use sunglint_materials::look;
@@ -61,13 +63,36 @@ fn some_wavelengths(nm: &[f64]) -> PyResult<()> {
     }
 }
 
+/// Makes rows of equal values, `each` of them for each of n geometries. A broadcast array has any number of rows in a few bytes, so that there may be no memory
+/// for as many results.
+///
+/// # Errors
+/// `MemoryError`.
+fn rows_of<T: Clone>(value: T, n: usize, each: usize) -> PyResult<Vec<T>> {
+    let mut rows = Vec::new();
+    let count = n.checked_mul(each);
+    match count.map(|count| rows.try_reserve_exact(count).map(|()| count)) {
+        Some(Ok(count)) => {
+            rows.resize(count, value);
+            Ok(rows)
+        }
+        _ => Err(PyMemoryError::new_err(format!(
+            "no memory for the results of {n} geometries, {each} numbers each: ask in parts"
+        ))),
+    }
+}
+
 fn directions(of: &PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<DVec3>> {
     let array = of.as_array();
     if array.ncols() != 3 {
         let text = format!("{name} has the shape {:?}, expected (n, 3)", array.shape());
         return Err(Error::new_err(text));
     }
-    Ok(array.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+    let mut all = rows_of(DVec3::ZERO, array.nrows(), 1)?;
+    for (own, row) in all.iter_mut().zip(array.rows()) {
+        *own = DVec3::new(row[0], row[1], row[2]);
+    }
+    Ok(all)
 }
 
 #[pymethods]
@@ -121,7 +146,12 @@ impl Body {
             let mut span = Span::default();
             span.add(&farthest)?;
             let pool = IntensityPool::new(Intensities::new(&target, options, &span)?);
-            Ok(LightEngine { pool, nearest_m: range_m, sun_distance_au: farthest.sun_distance_au })
+            Ok(LightEngine {
+                pool,
+                nearest_m: range_m,
+                sun_distance_au: farthest.sun_distance_au,
+                cost_ns: AtomicU64::new(0),
+            })
         })
     }
 
@@ -141,9 +171,11 @@ impl Body {
         };
         let mut options = IntensityOptions::default();
         options.tolerance = tolerance;
+        refuse_fork()?;
         py.detach(|| {
             let begun = Instant::now();
-            all_light(&self.target, options, sun.nrows(), &aspect_of, &|_| {})
+            let columns = Columns::new(sun.nrows(), options.wavelength_nm.len())?;
+            all_light(&self.target, options, columns, &aspect_of, &|_| {})
                 .map_err(|e| Error::new_err(e.to_string()))?;
             Ok(begun.elapsed().as_secs_f64())
         })
@@ -196,8 +228,10 @@ impl Body {
         options.budget_s = budget_s.unwrap_or(options.budget_s);
         options.wavelength_nm = wavelength_nm;
         let wavelengths = options.wavelength_nm.len();
+        let columns = Columns::new(n, wavelengths)?;
         let (columns, warnings) = run(py, progress, |watch| {
-            all_light(&self.target, options, n, &aspect_of, &|done| watch.at("light", done, n))
+            let at = |done| watch.at("light", done, n);
+            all_light(&self.target, options, columns, &aspect_of, &at)
         })?;
         let out = PyDict::new(py);
         let shaped = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -213,8 +247,12 @@ impl Body {
     }
 }
 
-/// Geometries up to which a call keeps the interpreter's lock: it would cost more to give it up.
+/// Most wavelengths of one geometry that are kept on the stack, and the first part of many geometries.
 const FEW: usize = 64;
+/// Time for which a call of an engine keeps the interpreter's lock: for less it would cost more to give it up, ns.
+const HELD_NS: u64 = 200_000;
+/// Time that a part of an engine's call should take at most, as Ctrl-C is heard between two, ns.
+const PART_NS: u64 = 50_000_000;
 
 /// A light engine that is kept between calls, and runs in the thread that calls.
 #[pyclass(frozen, module = "sunglint._core")]
@@ -222,9 +260,19 @@ pub struct LightEngine {
     pool: IntensityPool,
     nearest_m: Option<f64>,
     sun_distance_au: f64,
+    /// Time of one of the last geometries, ns; 0 before the first: `box_wing` takes microseconds, light that is scattered twice milliseconds.
+    cost_ns: AtomicU64,
 }
 
 impl LightEngine {
+    /// Keeps what a part of `n` geometries took; says what one takes, ns.
+    fn learn(&self, begun: Instant, n: usize) -> u64 {
+        let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let cost = (took / n.max(1) as u64).max(1);
+        self.cost_ns.store(cost, Ordering::Relaxed);
+        cost
+    }
+
     fn fill(
         &self,
         worker: &mut IntensityWorker<'_>,
@@ -291,13 +339,17 @@ impl LightEngine {
         }
         let wavelengths = self.pool.all().options().wavelength_nm.len();
         let mut worker = self.pool.worker();
-        if n == 1 && wavelengths <= FEW {
+        // One geometry tells of an engine of which nothing is known.
+        let mut cost = self.cost_ns.load(Ordering::Relaxed);
+        if n == 1 && wavelengths <= FEW && cost <= HELD_NS {
             // One geometry: numbers on the stack.
             let (mut light, mut error) = ([0.0; FEW], [0.0; FEW]);
             let out = (&mut light[..wavelengths], &mut error[..wavelengths]);
+            let begun = Instant::now();
             worker
                 .with(|worker| self.fill(worker, (0, sun, observer, range), out))
                 .map_err(Error::new_err)?;
+            self.learn(begun, 1);
             let shaped = |of: &[f64; FEW]| {
                 ArrayView2::from_shape((1, wavelengths), &of[..wavelengths])
                     .map(|view| view.to_pyarray(py))
@@ -305,10 +357,15 @@ impl LightEngine {
             };
             return Ok((shaped(&light)?, shaped(&error)?));
         }
-        let (mut light, mut error) = (vec![0.0; n * wavelengths], vec![0.0; n * wavelengths]);
+        let mut light = rows_of(0.0, n, wavelengths)?;
+        let mut error = rows_of(0.0, n, wavelengths)?;
         let mut first = 0;
         while first < n {
-            let next = (first + TOGETHER).min(n);
+            let together = match PART_NS.checked_div(cost) {
+                Some(few) => usize::try_from(few).unwrap_or(TOGETHER).clamp(1, TOGETHER),
+                None => 1,
+            };
+            let next = (first + together).min(n);
             let part = (
                 first,
                 sun.slice(s![first..next, ..]),
@@ -318,8 +375,11 @@ impl LightEngine {
             let own = first * wavelengths..next * wavelengths;
             let out = (&mut light[own.clone()], &mut error[own]);
             let fill = || worker.with(|worker| self.fill(worker, part, out));
-            let done = if n <= FEW { fill() } else { py.detach(fill) };
+            let is_held = cost.saturating_mul((n - first) as u64) <= HELD_NS;
+            let begun = Instant::now();
+            let done = if is_held { fill() } else { py.detach(fill) };
             done.map_err(Error::new_err)?;
+            cost = self.learn(begun, next - first);
             first = next;
             if first < n {
                 py.check_signals()?;
@@ -338,7 +398,7 @@ impl LightEngine {
     ) -> PyResult<f64> {
         let (sun, observer) = (sun.as_array(), observer.as_array());
         let wavelengths = self.pool.all().options().wavelength_nm.len();
-        let mut columns = Columns::new(sun.nrows(), wavelengths);
+        let mut columns = Columns::new(sun.nrows(), wavelengths)?;
         py.detach(|| {
             let begun = Instant::now();
             let out = (&mut columns.per_irradiance[..], &mut columns.error[..]);
@@ -368,16 +428,15 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(n: usize, wavelengths: usize) -> Self {
-        let all = || vec![0.0; n * wavelengths];
-        Self {
+    fn new(n: usize, wavelengths: usize) -> PyResult<Self> {
+        Ok(Self {
             wavelengths,
-            per_irradiance: all(),
-            error: all(),
-            intensity: all(),
-            phase_deg: vec![0.0; n],
-            met: vec![false; n],
-        }
+            per_irradiance: rows_of(0.0, n, wavelengths)?,
+            error: rows_of(0.0, n, wavelengths)?,
+            intensity: rows_of(0.0, n, wavelengths)?,
+            phase_deg: rows_of(0.0, n, 1)?,
+            met: rows_of(false, n, 1)?,
+        })
     }
 
     /// Fills the rows of some geometries, by all threads.
@@ -411,16 +470,16 @@ impl Columns {
     }
 }
 
-/// The light of n geometries by all threads, with the warnings of the body; `at` hears how many are done.
+/// The light of geometries by all threads, in columns that are there for it, with the warnings of the body; `at` hears how many are done.
 fn all_light(
     target: &Target,
     options: IntensityOptions,
-    n: usize,
+    mut columns: Columns,
     aspect_of: &(impl Fn(usize) -> Aspect + Sync),
     at: &dyn Fn(usize),
 ) -> Result<(Columns, Vec<String>), Failure> {
+    let n = columns.phase_deg.len();
     let span = span_of(n, aspect_of)?;
-    let mut columns = Columns::new(n, options.wavelength_nm.len());
     if n == 0 {
         return Ok((columns, Vec::new()));
     }
@@ -502,8 +561,8 @@ impl Brdf {
             return Err(Error::new_err(text));
         }
         let material = self.material.clone();
+        let mut values = rows_of(0.0, light.len(), 1)?;
         let values = run(py, None, move |watch| {
-            let mut values = Vec::with_capacity(light.len());
             for (row, (i, o)) in light.iter().zip(&observer).enumerate() {
                 if row % TOGETHER == 0 {
                     watch.at("brdf", row, light.len());
@@ -512,11 +571,9 @@ impl Brdf {
                 if !is_unit(i) || !is_unit(o) {
                     return Err(format!("row {row}: {i}, {o}: expected unit vectors").into());
                 }
-                values.push(if i.z > 0.0 && o.z > 0.0 {
-                    material.brdf(wavelength_nm, *i, *o)
-                } else {
-                    0.0
-                });
+                if i.z > 0.0 && o.z > 0.0 {
+                    values[row] = material.brdf(wavelength_nm, *i, *o);
+                }
             }
             Ok(values)
         })?;

@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -84,6 +84,23 @@ impl Progress for Watch {
     }
 }
 
+/// Process that used threads first; 0 before.
+static OWNER: AtomicU32 = AtomicU32::new(0);
+
+/// Refuses a process that was forked after threads had been used: they stay behind in its parent, and work that is given to them is never done.
+///
+/// # Errors
+/// An exception that says what to do.
+pub fn refuse_fork() -> PyResult<()> {
+    let own = std::process::id();
+    match OWNER.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(first) if first != own => Err(Error::new_err(
+            "this process was forked after sunglint had used its threads: use the start method spawn or forkserver (multiprocessing.set_start_method)",
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// An error of the libraries that is not yet an exception.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -94,6 +111,7 @@ pub fn run<T: Send>(
     callback: Option<Py<PyAny>>,
     work: impl FnOnce(&Watch) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
+    refuse_fork()?;
     let watch = Watch { stop: Arc::default(), steps: Arc::default() };
     std::thread::scope(|scope| {
         let (send, receive) = channel();

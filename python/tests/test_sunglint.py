@@ -233,6 +233,45 @@ def test_ctrl_c_is_heard():
     assert time.monotonic() - start < 5
 
 
+def forked(queue):
+    """What a call says in a forked process."""
+    try:
+        sg.Body("box_wing").light([[1.0, 0, 0]], [[0, 1.0, 0]])
+        queue.put("no error")
+    except sg.Error as error:
+        queue.put(str(error))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_is_told_so():
+    """A child has none of its parent's threads: a call would never end. Started anew it works."""
+    import multiprocessing
+
+    assert len(sg.Body("box_wing").light([[1.0, 0, 0]], [[0, 1.0, 0]])) == 1
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=forked, args=(queue,))
+    child.start()
+    try:
+        assert "use the start method spawn or forkserver" in queue.get(timeout=60)
+        child.join(60)
+        assert child.exitcode == 0
+    finally:
+        child.kill()
+
+
+def test_results_that_do_not_fit_are_a_memory_error():
+    """A broadcast array of 10^15 rows has 24 bytes."""
+    many = np.broadcast_to(np.array([1.0, 0.0, 0.0]), (10**15, 3))
+    for call in (
+        lambda: sg._core.Body("lambert_sphere").light(many, many, [550.0]),
+        lambda: sg._core.Body("lambert_sphere").engine([550.0]).light(many, many),
+    ):
+        with pytest.raises(MemoryError, match="no memory for the results of 1000000000000000 geometries"):
+            call()
+
+
 def test_the_interpreter_goes_on_beside_long_work():
     ticks = []
     stop = threading.Event()
@@ -440,6 +479,9 @@ def test_archives_are_the_programs_and_what_the_files_say(demo, tmp_path):
     assert pickle.loads(pickle.dumps(found)).paths == found.paths
     with pytest.raises(sg.Error, match="no such folder"):
         sg.archive(tmp_path / "nowhere")
+    for angle in (math.nan, 400.0):
+        with pytest.raises(sg.Error, match="phase_below_deg is"):
+            sg.archive(demo, phase_below_deg=angle, index=tmp_path / "index")
     with pytest.raises(sg.Error, match="kind"):
         sg.archive(demo, kind="nothing", index=tmp_path / "index")
 
