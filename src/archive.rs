@@ -1,8 +1,10 @@
 //! `sunglint archive`: which passes lie in the files of many nights, and several of them as one curve.
 
 use crate::output::{Console, OutputArgs, Usage};
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use sunglint_radiometry::light_curve::LightKind;
 
 /// Arguments of `sunglint archive`.
 #[derive(Debug, Args)]
@@ -18,7 +20,7 @@ pub struct ArchiveArgs {
     pub channel: Vec<String>,
     /// Only this kind of light; may be given several times [default: all that is measured]
     #[arg(long, value_enum, value_name = "KIND")]
-    pub kind: Vec<LightKind>,
+    pub kind: Vec<KindArg>,
     /// Only of this station, by its name
     #[arg(long, value_name = "NAME")]
     pub of_station: Option<String>,
@@ -54,21 +56,30 @@ pub struct ArchiveArgs {
     pub out: OutputArgs,
 }
 
-/// Kind of light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LightKind {
-    /// Sessions: frames and counts that are not yet curves
-    Recorded,
-    /// Rates as counted
-    Raw,
-    /// Linear rates
-    Linear,
-    /// Calibrated rates
-    Calibrated,
-    /// Simulated rates
-    Predicted,
-    /// Magnitudes
-    Magnitudes,
+/// Kind of light as an option's value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct KindArg(pub LightKind);
+
+impl KindArg {
+    const ALL: [Self; LightKind::ALL.len()] = {
+        let mut all = [Self(LightKind::Recorded); LightKind::ALL.len()];
+        let mut i = 0;
+        while i < all.len() {
+            all[i] = Self(LightKind::ALL[i]);
+            i += 1;
+        }
+        all
+    };
+}
+
+impl ValueEnum for KindArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.0.name()).help(self.0.help()))
+    }
 }
 
 /// Says how to get a program with archives.
@@ -85,29 +96,15 @@ pub use with::run;
 
 #[cfg(feature = "study")]
 mod with {
-    use super::{ArchiveArgs, Console, LightKind, Usage};
+    use super::{ArchiveArgs, Console, Usage};
     use crate::progress::Watched;
-    use sunglint_archive::file::Kind;
-    use sunglint_archive::{Index, Query, join};
+    use sunglint_archive::{ArchiveError, Index, Query, join};
     use sunglint_formats::ecsv;
     use sunglint_formats::time::parse_utc;
     use sunglint_report::Product;
 
     /// Damaged files that are named on stderr at most.
     const NAMED: usize = 10;
-
-    impl From<LightKind> for Kind {
-        fn from(kind: LightKind) -> Self {
-            match kind {
-                LightKind::Recorded => Self::Recorded,
-                LightKind::Raw => Self::Raw,
-                LightKind::Linear => Self::Linear,
-                LightKind::Calibrated => Self::Calibrated,
-                LightKind::Predicted => Self::Predicted,
-                LightKind::Magnitudes => Self::Magnitudes,
-            }
-        }
-    }
 
     impl ArchiveArgs {
         fn query(&self) -> anyhow::Result<Query> {
@@ -116,26 +113,25 @@ mod with {
                     .map(|text| parse_utc(text).map_err(|e| Usage(format!("{option}: {e}"))))
                     .transpose()
             };
-            for (option, deg) in
-                [("--phase-below", self.phase_below), ("--phase-above", self.phase_above)]
-            {
-                if let Some(deg) = deg.filter(|deg| !(0.0..=180.0).contains(deg)) {
-                    return Err(
-                        Usage(format!("{option} is {deg}, expected 0 to 180 degrees")).into()
-                    );
-                }
-            }
-            Ok(Query {
+            let query = Query {
                 object: self.object.clone(),
                 channels: self.channel.clone(),
-                kinds: self.kind.iter().map(|kind| (*kind).into()).collect(),
+                kinds: self.kind.iter().map(|kind| kind.0).collect(),
                 station: self.of_station.clone(),
                 from: moment("--from", &self.from)?,
                 to: moment("--to", &self.to)?,
                 phase_below_deg: self.phase_below,
                 phase_above_deg: self.phase_above,
                 min_samples: self.min_samples,
-            })
+            };
+            query.check().map_err(|error| match error {
+                ArchiveError::Phase { field, .. } => {
+                    let option = field.trim_end_matches("_deg").replace('_', "-");
+                    Usage(format!("--{option}: {error}")).into()
+                }
+                error => anyhow::Error::from(error),
+            })?;
+            Ok(query)
         }
     }
 
@@ -177,8 +173,9 @@ mod with {
         }
         let mut others = Vec::new();
         if let Some(path) = &args.curve_out {
-            let table = join::join(&found, &query, index.root())?;
-            others.push((path.clone(), ecsv::to_string(&table)?.into_bytes()));
+            let joined = join::join(&found, &query, index.root())?;
+            joined.warnings.iter().for_each(|warning| console.warn(warning));
+            others.push((path.clone(), ecsv::to_string(&joined.table)?.into_bytes()));
         }
         let product = Product {
             name: "archive".into(),
@@ -186,14 +183,15 @@ mod with {
             json: serde_json::to_value(&found)?,
             ..Product::default()
         };
-        let text = match args.paths {
-            true => found
-                .files()
-                .iter()
-                .map(|file| format!("{}\n", index.root().join(file).display()))
-                .collect(),
-            false => found.text(),
-        };
-        args.out.finish_with(&product, others, &text, console)
+        if !args.paths {
+            return args.out.finish_with(&product, others, &found.text(), console);
+        }
+        // As bytes: a folder's name need not be UTF-8, and whoever opens the files needs it as it is.
+        let mut lines = Vec::new();
+        for file in found.files() {
+            lines.extend(index.root().join(file).into_os_string().into_encoded_bytes());
+            lines.push(b'\n');
+        }
+        args.out.finish_raw(&product, others, &lines, console)
     }
 }

@@ -151,11 +151,11 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         out.check_with(console)?;
     }
     match cli.global.threads {
-        None => cli.command.run(console, cli.global.seed),
+        None => cli.command.run(console, &cli.global),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
             pool.with_context(|| format!("cannot start {threads} threads"))?
-                .install(|| cli.command.run(console, cli.global.seed))
+                .install(|| cli.command.run(console, &cli.global))
         }
     }
 }
@@ -202,7 +202,8 @@ impl Command {
         }
     }
 
-    fn run(&self, console: Console, seed: u64) -> anyhow::Result<()> {
+    fn run(&self, console: Console, global: &Global) -> anyhow::Result<()> {
+        let seed = global.seed;
         match self {
             Command::Demo(args) => demo::run(args, seed, console),
             Command::Tables(args) => tables::run(args, console),
@@ -234,7 +235,7 @@ impl Command {
             Command::Apply(args) => apply::run(args, console),
             Command::Import(args) => import::run(args, console),
             Command::Fit(args) => fit::run(args, seed, console),
-            Command::Study(args) => study::run(args, console),
+            Command::Study(args) => study::run(args, global.threads, console),
             Command::Archive(args) => archive::run(args, console),
             Command::Analyse(command) => analyse::run(command, seed, console),
             Command::Completions { shell } => {

@@ -57,6 +57,14 @@ impl Console {
         Ok(())
     }
 
+    /// Prints bytes on stdout as they are.
+    pub fn print_bytes(&self, bytes: &[u8]) -> anyhow::Result<()> {
+        let mut out = std::io::stdout().lock();
+        out.write_all(bytes)?;
+        out.flush()?;
+        Ok(())
+    }
+
     /// Prints a result on stdout: JSON if asked for, else the text.
     pub fn result(&self, text: &str, json: &Value) -> anyhow::Result<()> {
         if self.json {
@@ -188,6 +196,21 @@ impl OutputArgs {
         text: &str,
         console: Console,
     ) -> anyhow::Result<()> {
+        let mut text = printable(text).to_string();
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        self.finish_raw(product, others, text.as_bytes(), console)
+    }
+
+    /// Finishes as [`OutputArgs::finish_with`] does, with a text of any bytes, which are printed as they are: names of files need not be UTF-8.
+    pub fn finish_raw(
+        &self,
+        product: &Product,
+        others: Vec<(PathBuf, Vec<u8>)>,
+        text: &[u8],
+        console: Console,
+    ) -> anyhow::Result<()> {
         self.check_with(console)?;
         let wanted = self.targets(product);
         let paths = wanted.iter().map(|(path, _)| path).chain(others.iter().map(|(path, _)| path));
@@ -202,11 +225,12 @@ impl OutputArgs {
         let is_quiet = console.quiet && !console.json;
         match written {
             Ok(files) if self.is_stdout() || is_quiet && !files.is_empty() => Ok(()),
-            Ok(_) => console.result(text, &product.json),
+            Ok(_) if console.json => console.result("", &product.json),
+            Ok(_) => console.print_bytes(text),
             Err(error) => {
                 // What was found is not lost with the file that it cannot be written to; stdout is for what was done.
                 if !error.is::<Usage>() {
-                    tell(&format!("{}\n", text.trim_end()));
+                    tell(&format!("{}\n", String::from_utf8_lossy(text).trim_end()));
                 }
                 Err(error)
             }

@@ -65,6 +65,10 @@ impl Progress for Watched {
         self.bar.status(text);
     }
 
+    fn warn(&self, warning: &str) {
+        self.bar.warn(warning);
+    }
+
     fn is_cancelled(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

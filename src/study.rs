@@ -20,7 +20,7 @@ pub struct StudyArgs {
     /// Say what there is to do, and do nothing
     #[arg(long, conflicts_with_all = ["part", "slurm", "slurm_script"])]
     pub check: bool,
-    /// Run the parts as job arrays of Slurm, and wait for them
+    /// Run the parts as job arrays of Slurm, and wait for them; to end it, press Ctrl-C first, then scancel the job
     #[arg(long, conflicts_with = "part")]
     pub slurm: bool,
     /// Only write the batch script into the folder, as study.sbatch
@@ -39,7 +39,7 @@ pub struct StudyArgs {
 
 /// Says how to get a program with studies.
 #[cfg(not(feature = "study"))]
-pub fn run(_: &StudyArgs, _: Console) -> anyhow::Result<()> {
+pub fn run(_: &StudyArgs, _: Option<u16>, _: Console) -> anyhow::Result<()> {
     Err(Usage(
         "this program was built without studies: cargo build --release --features study".into(),
     )
@@ -65,7 +65,7 @@ mod with {
     const NAMED: usize = 5;
 
     /// Runs a study, or a part of it.
-    pub fn run(args: &StudyArgs, console: Console) -> anyhow::Result<()> {
+    pub fn run(args: &StudyArgs, threads: Option<u16>, console: Console) -> anyhow::Result<()> {
         let part = match &args.part {
             Some(text) => slurm::part(text).map_err(|e| Usage(format!("--part: {e}")))?,
             None => Part::ALL,
@@ -91,7 +91,7 @@ mod with {
         let watched = Watched::new(console)?;
         let start = Instant::now();
         if args.slurm || args.slurm_script {
-            let array = array(args, &folder)?;
+            let array = array(args, threads, &folder)?;
             if args.slurm_script {
                 let script = array.write(&study, &folder)?;
                 let text =
@@ -114,7 +114,7 @@ mod with {
     }
 
     /// The array of Slurm that makes a study: this program, with paths that every node finds.
-    fn array(args: &StudyArgs, folder: &Path) -> anyhow::Result<Array> {
+    fn array(args: &StudyArgs, threads: Option<u16>, folder: &Path) -> anyhow::Result<Array> {
         let text = |path: &Path| -> anyhow::Result<String> {
             let whole = std::path::absolute(path).with_context(|| path.display().to_string())?;
             let shown = whole.display().to_string();
@@ -134,7 +134,9 @@ mod with {
             submit: "sbatch".into(),
             queue: Some("squeue".into()),
             command,
+            threads,
             tasks: args.slurm_tasks,
+            grace: slurm::GRACE,
             options: args.slurm_option.clone(),
         })
     }

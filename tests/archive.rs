@@ -71,6 +71,30 @@ fn a_joined_curve_is_fitted_and_analysed() {
     folder.done(&["analyse", "fold", "one.ecsv", "--period", "60", "-q", "-o", "folded.ecsv"]);
 }
 
+/// A folder whose name is not UTF-8: the lines of `--paths` open the files.
+#[cfg(target_os = "linux")]
+#[test]
+fn paths_are_the_bytes_that_open_the_files() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = nights("archive-bytes");
+    let name = std::ffi::OsStr::from_bytes(b"n\xe4chte");
+    std::fs::rename(folder.path("nights"), folder.0.join(name)).unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        .arg("archive")
+        .arg(name)
+        .arg("--paths")
+        .current_dir(&folder.0)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<&[u8]> =
+        output.stdout.split(|b| *b == b'\n').filter(|l| !l.is_empty()).collect();
+    assert_eq!(lines.len(), 2);
+    for line in lines {
+        assert!(folder.0.join(std::ffi::OsStr::from_bytes(line)).is_file(), "{line:?}");
+    }
+}
+
 #[test]
 fn mistakes_are_refused_and_damage_is_named() {
     let folder = nights("archive-refused");
@@ -82,6 +106,7 @@ fn mistakes_are_refused_and_damage_is_named() {
     for (code, arguments, word) in [
         (1, &["nowhere"][..], "no such folder"),
         (2, &["nights", "--phase-below", "200"], "--phase-below"),
+        (2, &["nights", "--phase-above", "NaN"], "--phase-above"),
         (2, &["nights", "--from", "yesterday"], "--from"),
         (2, &["nights", "--curve-out", "a.csv"], ".ecsv"),
         (2, &["nights", "--paths", "--json"], "--paths"),

@@ -109,6 +109,7 @@ fn the_batch_script_names_what_every_node_finds() {
     assert!(told.contains("--array=1-7"), "{told}");
     let script = std::fs::read_to_string(folder.path("out/study.sbatch")).unwrap();
     assert!(script.contains("#SBATCH --mem=2G\n"), "{script}");
+    assert!(script.contains(" --threads \"${SLURM_CPUS_PER_TASK:-1}\" --part "), "{script}");
     let root = std::fs::canonicalize(&folder.0).unwrap();
     assert!(script.contains(&format!("{}/spheres.toml", root.display())), "{script}");
     // It is a script: a shell that plays the array makes the study.
@@ -121,6 +122,47 @@ fn the_batch_script_names_what_every_node_finds() {
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     }
     assert!(folder.path("out/manifest.json").exists());
+}
+
+/// `--slurm` with stand-ins for Slurm's programs (synthetic): `sbatch` plays the whole array, `squeue` lists nothing and keeps what it was asked, and with which
+/// filters of the person's.
+#[cfg(unix)]
+#[test]
+fn an_array_of_slurm_makes_the_study() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = guide("study-array");
+    let tools = folder.path("tools");
+    std::fs::create_dir_all(&tools).unwrap();
+    let tool = |name: &str, text: String| {
+        std::fs::write(tools.join(name), text).unwrap();
+        let mode = std::fs::Permissions::from_mode(0o755);
+        std::fs::set_permissions(tools.join(name), mode).unwrap();
+    };
+    let log = folder.path("log");
+    tool(
+        "sbatch",
+        format!(
+            "#!/bin/sh\necho \"$1\" >> {}\nfor k in 1 2 3; do SLURM_ARRAY_TASK_ID=$k sh \"$3\" >&2; done\necho Submitted batch job 5\n",
+            log.display()
+        ),
+    );
+    tool("squeue", format!("#!/bin/sh\necho \"$*;$SQUEUE_STATES;\" >> {}\n", log.display()));
+    let path = format!("{}:{}", tools.display(), std::env::var("PATH").unwrap());
+    let output = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        .args(["study", "spheres.toml", "-o", "out", "--slurm", "--slurm-tasks", "3"])
+        .args(["--threads", "2"])
+        .current_dir(&folder.0)
+        .env("PATH", path)
+        .env("SQUEUE_STATES", "FAILED")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let log = std::fs::read_to_string(log).unwrap();
+    assert_eq!(log, "--array=1-3\n--noheader --jobs 5 --format %T %r;;\n");
+    let script = std::fs::read_to_string(folder.path("out/study.sbatch")).unwrap();
+    assert!(script.contains(" --threads 2 --part "), "{script}");
+    assert!(folder.path("out/manifest.json").exists() && !folder.path("out/study.job").exists());
 }
 
 #[test]

@@ -38,8 +38,16 @@ pub enum ArchiveError {
         /// Number of the pass.
         pass: u32,
     },
+    /// A condition that no phase angle meets.
+    #[error("{field} is {deg}, expected 0 to 180 degrees")]
+    Phase {
+        /// The condition, as [`crate::Query`] names it.
+        field: &'static str,
+        /// Its value.
+        deg: f64,
+    },
     /// The work was stopped.
-    #[error("{0}: the index is as it was")]
+    #[error("{0}: what was read until then is in the index, and the next run goes on from there")]
     Cancelled(#[from] Cancelled),
 }
 

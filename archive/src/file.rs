@@ -6,8 +6,10 @@ use sunglint_ephemeris::orbit::elements;
 use sunglint_formats::photometry::{self, ColumnNames, Import};
 use sunglint_formats::session::{Session, TargetKind};
 use sunglint_formats::time::tai_nanoseconds;
-use sunglint_formats::{FileError, read, text_table};
+use sunglint_formats::{FileError, Table, read, text_table};
 use sunglint_radiometry::light_curve::LightCurve;
+
+pub use sunglint_radiometry::light_curve::LightKind as Kind;
 
 /// Gap that parts one pass from the next within a file, s. An object in a low orbit comes back after 90 minutes; clouds and turns of the dome are shorter.
 pub const GAP_S: f64 = 1800.0;
@@ -17,53 +19,6 @@ pub const ENDINGS: [&str; 8] = ["ecsv", "csv", "tdm", "kvn", "xml", "vot", "alcd
 
 /// Name of the file that makes a folder a session.
 pub const SESSION: &str = "session.toml";
-
-/// Kind of light that a file holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// A session that was recorded: frames and counts, not yet a curve.
-    Recorded,
-    /// Rates as counted.
-    Raw,
-    /// Linear rates.
-    Linear,
-    /// Calibrated rates.
-    Calibrated,
-    /// Simulated rates.
-    Predicted,
-    /// Magnitudes of any program.
-    Magnitudes,
-}
-
-impl Kind {
-    /// All kinds.
-    pub const ALL: [Self; 6] = [
-        Self::Recorded,
-        Self::Raw,
-        Self::Linear,
-        Self::Calibrated,
-        Self::Predicted,
-        Self::Magnitudes,
-    ];
-
-    /// Name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Recorded => "recorded",
-            Self::Raw => "raw",
-            Self::Linear => "linear",
-            Self::Calibrated => "calibrated",
-            Self::Predicted => "predicted",
-            Self::Magnitudes => "magnitudes",
-        }
-    }
-
-    /// The kind of that name.
-    pub fn of(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-}
 
 /// One channel of one pass.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +54,7 @@ pub struct Light {
 pub enum Contents {
     /// Light: a row for each channel of each pass.
     Light(Vec<Light>),
-    /// Another kind of file: a table of something else, a plan, text.
+    /// Another kind of file: a table of something else, a plan, text, or a curve that was itself joined out of an archive.
     Other,
     /// A light curve or a session that cannot be read, and why.
     Damaged(String),
@@ -108,15 +63,17 @@ pub enum Contents {
 /// Looks into a file: a light curve of this program, magnitudes of another, or `session.toml`, which stands for its folder.
 ///
 /// # Errors
-/// The system refuses to read it; everything else is in the answer.
+/// The system refuses to read it, which may pass; everything else is in the answer.
 pub fn look(path: &Path) -> Result<Contents, FileError> {
     if path.file_name().is_some_and(|name| name == SESSION) {
         let folder = path.parent().unwrap_or(Path::new("."));
-        return Ok(
-            session(folder).map_or_else(|e| Contents::Damaged(e.to_string()), Contents::Light)
-        );
+        return match session(folder) {
+            Ok(light) => Ok(Contents::Light(light)),
+            Err(error @ FileError::Io { .. }) => Err(error),
+            Err(error) => Ok(Contents::Damaged(error.to_string())),
+        };
     }
-    let bytes = read::bytes(path)?;
+    let bytes = read::bytes_of_text(path)?;
     let ends = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     let text = match read::decode(path, bytes) {
         Ok(text) => text,
@@ -133,6 +90,10 @@ pub fn look(path: &Path) -> Result<Contents, FileError> {
             Ok(table) => table,
             Err(error) => return Ok(Contents::Damaged(error.to_string())),
         };
+        // Its samples are those of other files: they would count twice.
+        if is_joined(&table) {
+            return Ok(Contents::Other);
+        }
         if table.meta.contains_key("quantity") {
             // Spectra have quantities of their own.
             let is_curve = table.columns.iter().any(|c| c.name.ends_with("_rate_hz"));
@@ -157,6 +118,13 @@ pub fn look(path: &Path) -> Result<Contents, FileError> {
         Ok(import) => Contents::Light(of_photometry(&import)),
         Err(error) => fault(error.to_string()),
     })
+}
+
+/// Whether a table is what [`crate::join`] makes: it says so in its provenance, whether the program or Python wrote it.
+fn is_joined(table: &Table) -> bool {
+    let provenance = table.meta.get("provenance");
+    let command = provenance.and_then(|p| p.get("command")).and_then(|c| c.as_str());
+    command.is_some_and(|command| command.starts_with("archive "))
 }
 
 /// Filters of a file's samples; where it names none, `V` if its column of magnitudes says so.
@@ -260,13 +228,7 @@ fn range(of: Option<&Vec<f64>>, rows: &[usize]) -> Option<(f64, f64)> {
 }
 
 fn of_curve(curve: &LightCurve) -> Vec<Light> {
-    use sunglint_radiometry::light_curve::RateKind;
-    let kind = match curve.kind {
-        RateKind::Raw => Kind::Raw,
-        RateKind::Linear => Kind::Linear,
-        RateKind::Calibrated => Kind::Calibrated,
-        RateKind::Predicted => Kind::Predicted,
-    };
+    let kind = Kind::from(curve.kind);
     let about = curve.other.get("target");
     let text = |key: &str| about?.get(key)?.as_str().map(str::to_owned);
     let target = match (&curve.provenance.target, text("name")) {

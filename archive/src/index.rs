@@ -1,8 +1,8 @@
 //! The index of a folder: which files it holds, and whose light is in them.
 //!
 //! Two Parquet tables lie in the folder `sunglint-archive` of the archive (or where the caller wants them): `files` with a row for each file that was looked into,
-//! `passes` with a row for each channel of each pass. Both are written whole, so that a stopped run leaves the old ones. `manifest.json` holds their SHA-256:
-//! an index that is damaged is made anew.
+//! `passes` with a row for each channel of each pass. Each is written whole, and `manifest.json` with their SHA-256 last: an index that is damaged, or that has a
+//! table of one run and a table of another, is made anew.
 
 use crate::ArchiveError;
 use crate::file::{self, Contents, ENDINGS, Kind, Light, SESSION};
@@ -15,13 +15,14 @@ use std::time::UNIX_EPOCH;
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::{EncodeError, FileError, read, sha256};
 use sunglint_numerics::progress::{Cancelled, Progress};
+use sunglint_study::caught;
 use sunglint_study::table::{self, Cell, Columns, Kind as Column, Rows};
 
 /// Folder of the index within its archive.
 pub const FOLDER: &str = "sunglint-archive";
 
 /// Version of the tables and of how files are understood: an index of another one is made anew.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 const FILES: &str = "files.parquet";
 const PASSES: &str = "passes.parquet";
@@ -35,6 +36,11 @@ const TOGETHER: usize = 64;
 struct Stamp {
     bytes: i64,
     modified_ns: i64,
+}
+
+impl Stamp {
+    /// A stamp that no file has: it is read again by the next run.
+    const NEVER: Self = Self { bytes: -1, modified_ns: 0 };
 }
 
 /// Contents of a file, with the stamp that it had.
@@ -221,24 +227,26 @@ impl Index {
                 manifest.version
             ));
         }
-        // The reader of Parquet is not tried with damaged bytes.
-        for name in [FILES, PASSES] {
+        // The reader of Parquet is not tried with damaged bytes, and reads those that were looked at: another run may replace the file.
+        let bytes = |name: &str| {
             let path = self.place.join(name);
             let bytes = read::bytes(&path).map_err(|e| e.to_string())?;
-            if manifest.files.get(name) != Some(&sha256(&bytes)) {
-                return Err(format!("{} is not the file that the manifest names", path.display()));
+            match manifest.files.get(name) == Some(&sha256(&bytes)) {
+                true => Ok((path, bytes)),
+                false => Err(format!("{} is not the file that the manifest names", path.display())),
             }
-        }
-        let read = |name: &str, columns: &Columns| {
-            table::read(&self.place.join(name), columns).map_err(|e| e.to_string())
+        };
+        let (files, passes) = (bytes(FILES)?, bytes(PASSES)?);
+        let read = |(path, bytes): (PathBuf, Vec<u8>), columns: &Columns| {
+            table::decode(&path, bytes, columns).map_err(|e| e.to_string())
         };
         let wrong = || "a row makes no sense".to_owned();
         let mut entries = BTreeMap::new();
-        for row in read(FILES, &file_columns())? {
+        for row in read(files, &file_columns())? {
             let (name, entry) = entry_of(&row).ok_or_else(wrong)?;
             entries.insert(name, entry);
         }
-        for row in read(PASSES, &pass_columns())? {
+        for row in read(passes, &pass_columns())? {
             let (name, light) = light_of(&row).ok_or_else(wrong)?;
             match entries.get_mut(&name).map(|e: &mut Entry| &mut e.contents) {
                 Some(Contents::Light(all)) => all.push(light),
@@ -248,10 +256,12 @@ impl Index {
         Ok(Some(entries))
     }
 
-    /// Brings the index up to date: reads the files that are new or changed since, forgets those that are gone, and writes it if anything changed.
+    /// Brings the index up to date: reads the files that are new or changed since, forgets those that are gone, and writes it if anything changed. A file that
+    /// the system refuses to read is tried again each time. Where the index cannot be written, a warning says so, and the answers are right all the same. Work
+    /// that is stopped keeps what it has read.
     ///
     /// # Errors
-    /// The archive or the index's folder cannot be read or written; [`ArchiveError::Cancelled`].
+    /// The archive cannot be read; [`ArchiveError::Cancelled`].
     pub fn update(
         &mut self,
         fresh: bool,
@@ -265,15 +275,23 @@ impl Index {
         let new: Vec<(&String, &Stamp)> = found.iter().filter(|(n, s)| !is_known(n, s)).collect();
         progress.begin("files", Some(new.len() as u64));
         let mut looked: Vec<(String, Entry)> = Vec::with_capacity(new.len());
+        let mut is_stopped = false;
         for part in new.chunks(TOGETHER) {
-            if progress.is_cancelled() {
-                return Err(Cancelled.into());
+            is_stopped = progress.is_cancelled();
+            if is_stopped {
+                break;
             }
             let root = &self.root;
             let one = |(name, stamp): &(&String, &Stamp)| {
-                let contents = file::look(&root.join(name));
-                let contents = contents.unwrap_or_else(|e| Contents::Damaged(e.to_string()));
-                ((*name).clone(), Entry { stamp: **stamp, contents })
+                let entry = match caught(|| file::look(&root.join(name))) {
+                    Ok(Ok(contents)) => Entry { stamp: **stamp, contents },
+                    Ok(Err(error)) => Entry {
+                        stamp: Stamp::NEVER,
+                        contents: Contents::Damaged(error.to_string()),
+                    },
+                    Err(why) => Entry { stamp: **stamp, contents: Contents::Damaged(why) },
+                };
+                ((*name).clone(), entry)
             };
             looked.par_extend(part.par_iter().map(one));
             progress.advance(part.len() as u64);
@@ -281,16 +299,30 @@ impl Index {
         let gone: Vec<String> =
             self.entries.keys().filter(|n| !found.contains_key(*n)).cloned().collect();
         self.updated = Updated { files: found.len(), read: looked.len(), gone: gone.len() };
+        let is_same = |(name, entry): &(String, Entry)| self.entries.get(name) == Some(entry);
+        let is_changed = !gone.is_empty() || !looked.iter().all(is_same);
         for name in &gone {
             self.entries.remove(name);
         }
-        if looked.is_empty() && gone.is_empty() && self.is_there {
-            return Ok(self.updated);
-        }
         self.entries.extend(looked);
-        self.write()?;
-        self.is_there = true;
-        Ok(self.updated)
+        if is_changed || !self.is_there {
+            match self.write() {
+                Ok(()) => self.is_there = true,
+                Err(error) => {
+                    let warning = format!(
+                        "{error}: the next run reads these files again; another place for the index may help"
+                    );
+                    if is_stopped {
+                        progress.warn(&warning);
+                    }
+                    self.warnings.push(warning);
+                }
+            }
+        }
+        match is_stopped {
+            true => Err(Cancelled.into()),
+            false => Ok(self.updated),
+        }
     }
 
     /// All passes, by file.
@@ -317,10 +349,12 @@ impl Index {
         let mut found = Vec::new();
         for (path, rows) in light() {
             for light in rows {
-                let (norad_id, known) = match (light.norad_id, of_visit(light)) {
-                    (Some(number), _) => (Some(number), Known::File),
-                    (None, Some(number)) => (Some(number), Known::Session),
-                    (None, None) => (None, Known::Unknown),
+                let (norad_id, known) = match light.norad_id {
+                    Some(number) => (Some(number), Known::File),
+                    None => match of_visit(light) {
+                        Some(number) => (Some(number), Known::Session),
+                        None => (None, Known::Unknown),
+                    },
                 };
                 found.push(Row { path, light, norad_id, known });
             }
@@ -373,17 +407,23 @@ impl Index {
             files: BTreeMap::new(),
         };
         let notes = [("sunglint.archive", "1")];
+        let mut tables = Vec::new();
         for (name, columns, rows) in
             [(FILES, file_columns(), files), (PASSES, pass_columns(), passes)]
         {
             let path = self.place.join(name);
-            table::write(&path, &columns, &rows, &notes)?;
-            manifest.files.insert(name.into(), sha256(&read::bytes(&path)?));
+            let bytes = table::encode(&path, &columns, &rows, &notes)?;
+            // Of what is written, not of what is there afterwards: that may be another run's.
+            manifest.files.insert(name.into(), sha256(&bytes));
+            tables.push((path, bytes));
         }
         let path = self.place.join(MANIFEST);
         let json = serde_json::to_vec_pretty(&manifest).map_err(|e| {
             FileError::encode(&path, EncodeError::new("manifest", e.to_string(), "JSON"))
         })?;
+        for (path, bytes) in &tables {
+            write_file(path, bytes, Overwrite::Allow)?;
+        }
         // Last: tables that it does not name are not read.
         write_file(&path, &json, Overwrite::Allow)?;
         Ok(())
@@ -481,7 +521,7 @@ fn walk(root: &Path, index: &Path) -> Result<(BTreeMap<String, Stamp>, Vec<Strin
         }
         let manifest = path.join(SESSION);
         if manifest.is_file() {
-            let log = [&manifest, &path.join("events.jsonl")].map(|p| stamp(p));
+            let log = [&manifest, &path.join("events.jsonl")].map(|p| stamp(p).ok().flatten());
             let both = match log {
                 [Some(a), Some(b)] => Some(Stamp {
                     bytes: a.bytes.saturating_add(b.bytes),
@@ -505,13 +545,29 @@ fn walk(root: &Path, index: &Path) -> Result<(BTreeMap<String, Stamp>, Vec<Strin
                 continue;
             }
         };
-        for entry in entries.flatten() {
+        let mut refused = |what: &Path, error: std::io::Error| {
+            left_out.push(format!("{} is left out: {error}", what.display()));
+        };
+        for entry in entries {
+            let entry = match entry {
+                Ok(entry) => entry,
+                Err(error) => {
+                    refused(&path.join("…"), error);
+                    continue;
+                }
+            };
             let name = entry.file_name();
-            let Ok(kind) = entry.file_type() else { continue };
             if name.as_encoded_bytes().starts_with(b".") {
                 continue;
             }
             let own = folder.join(&name);
+            let kind = match entry.file_type() {
+                Ok(kind) => kind,
+                Err(error) => {
+                    refused(&entry.path(), error);
+                    continue;
+                }
+            };
             if kind.is_dir() {
                 open.push(own);
                 continue;
@@ -522,25 +578,34 @@ fn walk(root: &Path, index: &Path) -> Result<(BTreeMap<String, Stamp>, Vec<Strin
                 continue;
             }
             match (own.into_os_string().into_string(), stamp(&entry.path())) {
-                (Ok(name), Some(stamp)) => _ = found.insert(name, stamp),
-                (Err(_), Some(_)) => {
-                    left_out.push(format!("{} is left out: no UTF-8", entry.path().display()));
+                (Ok(name), Ok(Some(stamp))) => _ = found.insert(name, stamp),
+                (Err(_), Ok(Some(_))) => {
+                    let why = std::io::Error::other("its name is not UTF-8");
+                    refused(&entry.path(), why);
                 }
-                // A link to nothing, or to a folder.
-                (_, None) => {}
+                // A link to nothing, or to a folder; a file that somebody has just removed.
+                (_, Ok(None)) => {}
+                (_, Err(error)) => refused(&entry.path(), error),
             }
         }
     }
     Ok((found, left_out))
 }
 
-/// Size and time of a file; `None` where it is none.
-fn stamp(path: &Path) -> Option<Stamp> {
-    let metadata = path.metadata().ok().filter(std::fs::Metadata::is_file)?;
-    let modified = metadata.modified().ok()?;
-    let ns = match modified.duration_since(UNIX_EPOCH) {
-        Ok(after) => i64::try_from(after.as_nanos()).ok()?,
-        Err(before) => i64::try_from(before.duration().as_nanos()).ok()?.checked_neg()?,
+/// Size and time of a file; `None` where it is none, or not there.
+fn stamp(path: &Path) -> std::io::Result<Option<Stamp>> {
+    let metadata = match path.metadata() {
+        Ok(metadata) if metadata.is_file() => metadata,
+        Ok(_) => return Ok(None),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
     };
-    Some(Stamp { bytes: i64::try_from(metadata.len()).ok()?, modified_ns: ns })
+    let modified = metadata.modified()?;
+    // A time that 64 bits do not hold is none to go by.
+    let ns = match modified.duration_since(UNIX_EPOCH) {
+        Ok(after) => i64::try_from(after.as_nanos()).ok(),
+        Err(before) => i64::try_from(before.duration().as_nanos()).ok().map(|ns| -ns),
+    };
+    let stamp = ns.zip(i64::try_from(metadata.len()).ok());
+    Ok(Some(stamp.map_or(Stamp::NEVER, |(modified_ns, bytes)| Stamp { bytes, modified_ns })))
 }

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! An [`Index`] has a row for each channel of each pass: whose light, when, through which channel, at which phase angles, in which file. It is brought up to date
-//! by reading only files that are new or changed. A file that is damaged is named, and left out; it does not end the work.
+//! by reading only files that are new or changed. A file that is damaged is named, and left out; it does not end the work. A curve that was itself joined out of an
+//! archive is passed over: its samples would count twice.
 //!
 //! | module | what it holds |
 //! |---|---|

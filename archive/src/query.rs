@@ -1,9 +1,11 @@
 //! Passes of an archive that meet conditions.
 
+use crate::ArchiveError;
 use crate::file::{Kind, number_in};
 use crate::index::{Damaged, Index, Known, Row, Updated};
 use hifitime::Epoch;
 use serde::Serialize;
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table, Values, nearest_names};
@@ -97,6 +99,21 @@ impl Query {
             && self.from.is_none_or(|from| light.to >= from)
             && self.to.is_none_or(|to| light.from <= to)
             && self.min_samples.is_none_or(|least| light.samples >= least)
+    }
+
+    /// Refuses conditions that no pass could meet.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Phase`]: a phase angle that is not within 0° to 180°.
+    pub fn check(&self) -> Result<(), ArchiveError> {
+        for (field, deg) in
+            [("phase_below_deg", self.phase_below_deg), ("phase_above_deg", self.phase_above_deg)]
+        {
+            if let Some(deg) = deg.filter(|deg| !(0.0..=180.0).contains(deg)) {
+                return Err(ArchiveError::Phase { field, deg });
+            }
+        }
+        Ok(())
     }
 
     fn asks_phase(&self) -> bool {
@@ -200,13 +217,9 @@ fn pass(row: &Row<'_>) -> Pass {
 impl Found {
     /// The files of the passes, each once, in the order of time.
     pub fn files(&self) -> Vec<&str> {
-        let mut files: Vec<&str> = Vec::new();
-        for pass in &self.passes {
-            if !files.contains(&pass.file.as_str()) {
-                files.push(&pass.file);
-            }
-        }
-        files
+        let mut seen = HashSet::new();
+        let files = self.passes.iter().map(|pass| pass.file.as_str());
+        files.filter(|file| seen.insert(*file)).collect()
     }
 
     /// The passes as a table.

@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use sunglint_archive::file::{Kind, number_in};
 use sunglint_archive::index::{FOLDER, Index, Known};
-use sunglint_archive::{Found, Query, join};
+use sunglint_archive::{ArchiveError, Found, Query, join};
 use sunglint_formats::ecsv;
-use sunglint_numerics::progress::Silent;
+use sunglint_numerics::progress::{Progress, Silent};
 
 const LINES: [&str; 2] = [
     "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
@@ -210,7 +211,9 @@ fn passes_become_one_curve() {
         ..Query::default()
     };
     let found = ask(root, &query);
-    let table = join::join(&found, &query, root).unwrap();
+    let joined = join::join(&found, &query, root).unwrap();
+    assert!(joined.warnings.is_empty());
+    let table = joined.table;
     // 20 samples from 30° to 68°; of the other pass those at 70° to 78°.
     assert_eq!(table.rows(), 25);
     let v = table.f64("V_rate_hz").unwrap();
@@ -227,6 +230,8 @@ fn passes_become_one_curve() {
     let curve = sunglint_radiometry::light_curve::LightCurve::from_table(&path, &read).unwrap();
     assert_eq!(curve.provenance.inputs.len(), 2);
     assert_eq!(curve.provenance.target, "iss");
+    // Kept in the archive it is no further light.
+    assert_eq!(ask(root, &query).passes, found.passes);
     // Different objects, kinds: refused in words.
     for (query, word) in [
         (Query { kinds: vec![Kind::Calibrated], ..Query::default() }, "objects"),
@@ -238,9 +243,164 @@ fn passes_become_one_curve() {
     }
     let query =
         Query { kinds: vec![Kind::Magnitudes], channels: vec!["V".into()], ..Query::default() };
-    let table = join::join(&ask(root, &query), &query, root).unwrap();
+    let table = join::join(&ask(root, &query), &query, root).unwrap().table;
     assert_eq!(*table.f64("magnitude").unwrap(), [5.5, 7.5, 9.5]);
     assert_eq!(*table.f64("phase_deg").unwrap(), [40.0, 42.0, 44.0]);
+}
+
+/// A table of magnitudes that is kept in the archive after it was joined is no further light.
+#[test]
+fn joined_magnitudes_do_not_count_twice() {
+    let folder = archive();
+    let root = folder.path();
+    let query =
+        Query { kinds: vec![Kind::Magnitudes], channels: vec!["V".into()], ..Query::default() };
+    let found = ask(root, &query);
+    let table = join::join(&found, &query, root).unwrap().table;
+    write(root, "joined.ecsv", &ecsv::to_string(&table).unwrap());
+    assert_eq!(ask(root, &query).passes, found.passes);
+}
+
+/// Two files with the same samples (a copy): they count once, with a warning. With others: refused, both are named. Truth: the files as they were written.
+#[test]
+fn samples_of_two_files_count_once() {
+    let folder = archive();
+    let root = folder.path();
+    let v = Query { kinds: vec![Kind::Calibrated], ..of("25544", "V") };
+    let once = join::join(&ask(root, &v), &v, root).unwrap().table;
+    let own = std::fs::read_to_string(root.join("n1/iss.ecsv")).unwrap();
+    write(root, "copies/iss.ecsv", &own);
+    let joined = join::join(&ask(root, &v), &v, root).unwrap();
+    assert_eq!(joined.table.columns, once.columns);
+    assert_eq!(joined.warnings.len(), 1);
+    let warning = &joined.warnings[0];
+    for word in ["n1/iss.ecsv", "copies/iss.ecsv", "20 samples"] {
+        assert!(warning.contains(word), "{warning}");
+    }
+    // One more channel of the same exposures is light of its own.
+    write(root, "copies/iss.ecsv", &own.replace("B_", "R_"));
+    let all = Query { channels: vec!["V".into(), "R".into()], ..v.clone() };
+    let joined = join::join(&ask(root, &all), &all, root).unwrap();
+    let (of_v, of_r) =
+        (joined.table.f64("V_rate_hz").unwrap(), joined.table.f64("R_rate_hz").unwrap());
+    let there = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
+    assert_eq!((there(&of_v), there(&of_r)), (30, 20));
+    // One number that differs in its last digit.
+    write(root, "copies/iss.ecsv", &own.replace(" 119 ", " 119.5 "));
+    let error = join::join(&ask(root, &v), &v, root).unwrap_err().to_string();
+    for word in ["n1/iss.ecsv", "copies/iss.ecsv", "2020-11-18T17:03:10", "count twice"] {
+        assert!(error.contains(word), "{error}");
+    }
+    // Magnitudes.
+    let magnitudes = Query { kinds: vec![Kind::Magnitudes], ..Query::default() };
+    let own = std::fs::read_to_string(root.join("n3/25544.csv")).unwrap();
+    write(root, "copies/25544.csv", &own);
+    let joined = join::join(&ask(root, &magnitudes), &magnitudes, root).unwrap();
+    assert_eq!((joined.table.rows(), joined.warnings.len()), (6, 1));
+    write(root, "copies/25544.csv", &own.replace("5.5", "5.6"));
+    let error = join::join(&ask(root, &magnitudes), &magnitudes, root).unwrap_err().to_string();
+    assert!(error.contains("copies/25544.csv"), "{error}");
+}
+
+/// Passes with the number and passes with the name alone are one object where the name has one number.
+#[test]
+fn a_name_stands_for_its_only_number() {
+    let folder = archive();
+    let root = folder.path();
+    let by_name = Query { kinds: vec![Kind::Calibrated], ..of("ISS", "V") };
+    let named = curve(23, 4, 10, 50.0, &[("V", 300.0)], "other").replace("\"other\"", "\"ISS\"");
+    write(root, "n4/named.ecsv", &named);
+    let found = ask(root, &by_name);
+    let numbers: Vec<_> = found.passes.iter().map(|p| p.norad_id).collect();
+    assert_eq!(numbers, [Some(25544), Some(25544), None]);
+    assert_eq!(join::join(&found, &by_name, root).unwrap().table.rows(), 40);
+    // Another object of the same name.
+    let other = curve(24, 4, 10, 50.0, &[("V", 400.0)], "iss")
+        .replace("1 25544U", "1 25545U")
+        .replace("-11606-4 0  2927", "-11606-4 0  2928")
+        .replace("2 25544 ", "2 25545 ")
+        .replace("15.72125391563537", "15.72125391563538");
+    write(root, "n4/other.ecsv", &other);
+    let found = ask(root, &by_name);
+    assert_eq!(found.passes[3].norad_id, Some(25545));
+    let error = join::join(&found, &by_name, root).unwrap_err().to_string();
+    assert!(error.contains("25544, 25545") && error.contains("by its number"), "{error}");
+    let by_number = Query { kinds: vec![Kind::Calibrated], ..of("25545", "V") };
+    assert_eq!(join::join(&ask(root, &by_number), &by_number, root).unwrap().table.rows(), 10);
+}
+
+#[test]
+fn angles_that_are_none_are_refused() {
+    for deg in [f64::NAN, 400.0, -1.0] {
+        for query in [
+            Query { phase_below_deg: Some(deg), ..Query::default() },
+            Query { phase_above_deg: Some(deg), ..Query::default() },
+        ] {
+            assert!(matches!(query.check(), Err(ArchiveError::Phase { .. })), "{deg}");
+        }
+    }
+    let widest =
+        Query { phase_below_deg: Some(180.0), phase_above_deg: Some(0.0), ..Query::default() };
+    widest.check().unwrap();
+}
+
+/// A file that the system refuses is tried again, though it is as it was; what cannot be looked at is said. Truth: a file with a hole of 600 MiB, more than a text
+/// may have, and a link to itself.
+#[cfg(unix)]
+#[test]
+fn what_the_system_refuses_is_tried_again() {
+    let folder = archive();
+    let root = folder.path();
+    let first = ask(root, &Query::default());
+    assert_eq!(first.index.read, 7);
+    std::fs::File::create(root.join("n3/large.csv")).unwrap().set_len(600 << 20).unwrap();
+    std::os::unix::fs::symlink("round.csv", root.join("n3/round.csv")).unwrap();
+    for _ in 0..2 {
+        let found = ask(root, &Query::default());
+        assert_eq!((found.index.read, found.damaged.len()), (1, 2));
+        assert!(found.damaged[1].why.contains("629145600 bytes"), "{:?}", found.damaged);
+        assert!(found.warnings.iter().any(|w| w.contains("round.csv is left out")), "{found:?}");
+        assert_eq!(found.passes, first.passes);
+    }
+}
+
+/// Where the index cannot be written (its folder would lie in a file), the answer is given, with a warning.
+#[test]
+fn an_index_that_cannot_be_written_is_a_warning() {
+    let folder = archive();
+    let root = folder.path();
+    let truth = ask(root, &Query::default());
+    let mut index = Index::open(root, Some(&root.join("n3/list.csv/index"))).unwrap();
+    index.update(false, &Silent).unwrap();
+    let found = Query::default().ask(&index);
+    assert_eq!(found.passes, truth.passes);
+    assert_eq!(found.warnings.len(), 1);
+    assert!(found.warnings[0].contains("list.csv"), "{:?}", found.warnings);
+}
+
+/// Is stopped at the second look.
+struct Stops(AtomicUsize);
+
+impl Progress for Stops {
+    fn is_cancelled(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed) > 0
+    }
+}
+
+/// Work that was stopped keeps what it read: the rest is read by the next.
+#[test]
+fn a_stopped_index_is_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for i in 0..70 {
+        write(root, &format!("{i}.csv"), "object,comment\niss,bright\n");
+    }
+    let mut index = Index::open(root, None).unwrap();
+    let error = index.update(false, &Stops(AtomicUsize::new(0))).unwrap_err();
+    assert!(matches!(error, ArchiveError::Cancelled(_)), "{error}");
+    let found = ask(root, &Query::default());
+    assert_eq!((found.index.files, found.index.read), (70, 6));
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
 }
 
 /// A session's visits, and a curve that has its number by them. Truth: the log's lines.

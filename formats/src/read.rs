@@ -12,10 +12,15 @@ pub fn bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
     bytes_up_to(path.as_ref(), u64::MAX)
 }
 
+/// The bytes of a file that should be text: of at most 512 MiB.
+pub fn bytes_of_text(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
+    bytes_up_to(path.as_ref(), LARGEST_TEXT)
+}
+
 /// The text of a file of at most 512 MiB: UTF-8, a byte-order mark at its start taken off.
 pub fn text(path: impl AsRef<Path>) -> Result<String, FileError> {
     let path = path.as_ref();
-    Ok(decode(path, bytes_up_to(path, LARGEST_TEXT)?)?)
+    Ok(decode(path, bytes_of_text(path)?)?)
 }
 
 fn bytes_up_to(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {

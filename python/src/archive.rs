@@ -31,7 +31,7 @@ impl Wanted {
             let known = "recorded, raw, linear, calibrated, predicted or magnitudes";
             kinds.push(Kind::of(name).ok_or_else(|| unknown("kind", name, known))?);
         }
-        Ok(Query {
+        let query = Query {
             object: self.object,
             channels: self.channel,
             kinds,
@@ -41,7 +41,9 @@ impl Wanted {
             phase_below_deg: self.phase_below_deg,
             phase_above_deg: self.phase_above_deg,
             min_samples: self.min_samples,
-        })
+        };
+        query.check()?;
+        Ok(query)
     }
 }
 
@@ -68,10 +70,14 @@ fn archive(
         let query = wanted.query()?;
         let mut index = Index::open(&folder, index.as_deref())?;
         index.update(fresh, watch)?;
-        let found = query.ask(&index);
+        let mut found = query.ask(&index);
         let json = serde_json::to_value(&found)?;
         let (name, table) = match as_curve {
-            true => ("archive_curve", join::join(&found, &query, index.root())?),
+            true => {
+                let joined = join::join(&found, &query, index.root())?;
+                found.warnings.extend(joined.warnings);
+                ("archive_curve", joined.table)
+            }
             false => ("archive", found.table()),
         };
         let product = Product { name: name.into(), table, json, ..Product::default() };

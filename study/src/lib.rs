@@ -17,6 +17,7 @@
 //! | [`run`] | shards, their files, the manifest |
 //! | [`slurm`] | shards as a job array of Slurm |
 
+mod caught;
 pub mod design;
 mod error;
 pub mod file;
@@ -26,5 +27,6 @@ pub mod slurm;
 pub mod table;
 pub mod task;
 
+pub use caught::caught;
 pub use error::StudyError;
 pub use file::{Stations, Study};

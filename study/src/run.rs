@@ -2,7 +2,7 @@
 
 use crate::table::{notes, write};
 use crate::task::{self, Scene, sample_columns, summary_columns};
-use crate::{Study, StudyError};
+use crate::{Study, StudyError, caught};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -62,8 +62,9 @@ pub struct ShardFile {
     pub file: String,
     /// Size.
     pub bytes: u64,
-    /// SHA-256.
-    pub sha256: String,
+    /// SHA-256; `None` as long as shards are missing: reading all files for each part would cost more than the parts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
     /// Rows.
     pub rows: u64,
 }
@@ -135,7 +136,7 @@ pub fn run(
     for shard in &missing {
         make(study, folder, *shard, progress)?;
     }
-    let report = report(study, folder)?;
+    let report = report(study, folder, progress)?;
     let manifest = match report.missing {
         0 => {
             let path = folder.join(MANIFEST);
@@ -184,7 +185,16 @@ pub fn prepare(study: &Study, folder: &Path) -> Result<(), StudyError> {
 
 /// Shards that are missing.
 pub fn missing(study: &Study, folder: &Path) -> Vec<usize> {
-    (0..study.shards()).filter(|s| done(study, folder, *s).is_none()).collect()
+    missing_of(study, folder, 0..study.shards())
+}
+
+/// Those of some shards that are missing.
+pub fn missing_of(
+    study: &Study,
+    folder: &Path,
+    shards: impl IntoIterator<Item = usize>,
+) -> Vec<usize> {
+    shards.into_iter().filter(|s| done(study, folder, *s).is_none()).collect()
 }
 
 /// Failed tasks of a shard that is there, whole and of this study, and its files' rows.
@@ -222,8 +232,10 @@ fn make(
                 return Err(Cancelled);
             }
             let point = study.task(task).0;
-            let scene = scenes[point - first].get_or_init(|| Scene::new(study, point));
-            let outcome = task::run(study, task, scene);
+            let scene = scenes[point - first]
+                .get_or_init(|| caught(|| Scene::new(study, point)).unwrap_or_else(Err));
+            let outcome = caught(|| task::run(study, task, scene))
+                .unwrap_or_else(|why| task::failed(study, task, why));
             progress.advance(1);
             Ok(outcome)
         })
@@ -243,11 +255,11 @@ fn make(
     write(&folder.join(file(SUMMARY, shard)), &summary_columns(study), &summary, &notes)
 }
 
-/// State of a study in its folder.
+/// State of a study in its folder. The files are read whole, for their SHA-256, only where no shard is missing; else only their ends are.
 ///
 /// # Errors
-/// A file that cannot be read.
-pub fn report(study: &Study, folder: &Path) -> Result<Report, StudyError> {
+/// A file that cannot be read; the work was stopped.
+pub fn report(study: &Study, folder: &Path, progress: &dyn Progress) -> Result<Report, StudyError> {
     let mut report = Report {
         study: study.name.clone(),
         id: study.id.clone(),
@@ -268,13 +280,19 @@ pub fn report(study: &Study, folder: &Path) -> Result<Report, StudyError> {
         };
         report.failed += failed;
         for (file, rows) in files {
-            let bytes = sunglint_formats::read::bytes(folder.join(&file))?;
-            report.files.push(ShardFile {
-                file,
-                bytes: bytes.len() as u64,
-                sha256: sha256(&bytes),
-                rows,
-            });
+            let path = folder.join(&file);
+            let about = path.metadata().map_err(|e| FileError::io("read", &path, e))?;
+            report.files.push(ShardFile { file, bytes: about.len(), sha256: None, rows });
+        }
+    }
+    if report.missing == 0 {
+        for file in &mut report.files {
+            if progress.is_cancelled() {
+                return Err(Cancelled.into());
+            }
+            let bytes = sunglint_formats::read::bytes(folder.join(&file.file))?;
+            file.bytes = bytes.len() as u64;
+            file.sha256 = Some(sha256(&bytes));
         }
     }
     Ok(report)

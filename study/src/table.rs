@@ -1,6 +1,7 @@
 //! Columns of results, and the Parquet files that hold them.
 
 use crate::StudyError;
+use bytes::Bytes;
 use parquet::basic::{Compression, Encoding, LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
@@ -12,7 +13,6 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::{Type, TypePtr};
 use std::path::Path;
 use std::sync::Arc;
-use sunglint_formats::FileError;
 
 /// Rows of a row group at most.
 const GROUP_ROWS: usize = 1 << 16;
@@ -63,11 +63,21 @@ fn field(name: &str, kind: Kind) -> Result<TypePtr, ParquetError> {
         .map(Arc::new)
 }
 
-/// Encodes rows as a Parquet file. The same rows give the same bytes: no time, no host, no dictionary whose size decides.
+/// Encodes rows as a Parquet file. The same rows give the same bytes: no time, no host, no dictionary whose size decides. `path` names it in errors.
 ///
 /// # Errors
 /// The writer's: a name that no column may have.
 pub fn encode(
+    path: &Path,
+    columns: &[(String, Kind)],
+    rows: &[Vec<Cell>],
+    notes: &[(&str, &str)],
+) -> Result<Vec<u8>, StudyError> {
+    encoded(columns, rows, notes)
+        .map_err(|source| StudyError::Table { path: path.to_path_buf(), source })
+}
+
+fn encoded(
     columns: &[(String, Kind)],
     rows: &[Vec<Cell>],
     notes: &[(&str, &str)],
@@ -147,17 +157,17 @@ pub fn notes(path: &Path) -> Option<(Vec<(String, String)>, u64)> {
     Some((notes, u64::try_from(metadata.num_rows()).ok()?))
 }
 
-/// Reads the rows of a file that [`write()`] wrote, with these columns in this order.
+/// Reads the rows of a file that [`write()`] wrote, with these columns in this order, out of its bytes. `path` names it in errors.
 ///
 /// # Errors
-/// A file that is no Parquet, or has other columns.
-pub fn read(path: &Path, columns: &[(String, Kind)]) -> Result<Rows, StudyError> {
-    let file = std::fs::File::open(path).map_err(|e| FileError::io("read", path, e))?;
-    decode(file, columns).map_err(|source| StudyError::Unread { path: path.to_path_buf(), source })
+/// Bytes that are no Parquet, or have other columns.
+pub fn decode(path: &Path, bytes: Vec<u8>, columns: &[(String, Kind)]) -> Result<Rows, StudyError> {
+    rows_of(bytes, columns)
+        .map_err(|source| StudyError::Unread { path: path.to_path_buf(), source })
 }
 
-fn decode(file: std::fs::File, columns: &[(String, Kind)]) -> Result<Rows, ParquetError> {
-    let reader = SerializedFileReader::new(file)?;
+fn rows_of(bytes: Vec<u8>, columns: &[(String, Kind)]) -> Result<Rows, ParquetError> {
+    let reader = SerializedFileReader::new(Bytes::from(bytes))?;
     let found = reader.metadata().file_metadata().schema_descr();
     let other = |what: String| ParquetError::General(what);
     if found.num_columns() != columns.len() {
@@ -228,8 +238,7 @@ pub fn write(
     rows: &[Vec<Cell>],
     with: &[(&str, &str)],
 ) -> Result<(), StudyError> {
-    let bytes = encode(columns, rows, with)
-        .map_err(|source| StudyError::Table { path: path.to_path_buf(), source })?;
+    let bytes = encode(path, columns, rows, with)?;
     sunglint_formats::atomic::write_file(path, &bytes, sunglint_formats::atomic::Overwrite::Allow)?;
     Ok(())
 }

@@ -123,11 +123,16 @@ pub fn sample_columns(study: &Study) -> Columns {
 pub fn run(study: &Study, task: usize, scene: &Result<Scene, String>) -> Outcome {
     match scene.as_ref().map_err(Clone::clone).and_then(|scene| simulated(study, task, scene)) {
         Ok(outcome) => outcome,
-        Err(why) => Outcome {
-            summary: vec![without_samples(study, task, "failed", Some(why))],
-            failed: true,
-            ..Outcome::default()
-        },
+        Err(why) => failed(study, task, why),
+    }
+}
+
+/// The outcome of a task that failed: a row that says why.
+pub fn failed(study: &Study, task: usize, why: String) -> Outcome {
+    Outcome {
+        summary: vec![without_samples(study, task, "failed", Some(why))],
+        failed: true,
+        ..Outcome::default()
     }
 }
 

@@ -232,3 +232,36 @@ min_altitude_deg = 5.0
     let done = summary.iter().filter(|r| r["status"].to_string() == "\"done\"").count();
     assert_eq!(done, expected);
 }
+
+#[test]
+fn a_panic_is_an_error_with_its_message() {
+    type Work = fn() -> u32;
+    let texts: [(Work, &str); 3] = [
+        (|| panic!("fixed"), "(fixed)"),
+        (|| panic!("number {}", std::hint::black_box(3)), "(number 3)"),
+        (|| std::panic::resume_unwind(Box::new(1_u8)), "(without a message)"),
+    ];
+    for (work, text) in texts {
+        let error = sunglint_study::caught(work).expect_err("it panics");
+        assert!(error.contains(text), "{error}");
+    }
+    assert_eq!(sunglint_study::caught(|| 2), Ok(2));
+}
+
+/// A part reads the ends of the files alone; the hashes come with the last one. Truth: the hash of the file's bytes, read here.
+#[test]
+fn files_are_hashed_once_all_are_there() {
+    let (dir, path) = folder(SPHERES);
+    let study = read(&path).expect("a study");
+    let out = dir.path().join("out");
+    let first = run(&study, &out, Part { part: 1, of: 2 }, &Silent).expect("done");
+    assert!(first.report.missing > 0 && first.manifest.is_none());
+    assert!(first.report.files.iter().all(|f| f.sha256.is_none() && f.bytes > 0 && f.rows > 0));
+    let last = run(&study, &out, Part { part: 2, of: 2 }, &Silent).expect("done");
+    assert_eq!(last.report.missing, 0);
+    for file in &last.report.files {
+        let bytes = std::fs::read(out.join(&file.file)).expect("a file");
+        assert_eq!(file.sha256.as_deref(), Some(sunglint_formats::sha256(&bytes).as_str()));
+        assert_eq!(file.bytes, bytes.len() as u64);
+    }
+}

@@ -1,9 +1,63 @@
 //! Job arrays, with a stand-in for `sbatch` that loses tasks (synthetic); a real Slurm runs in a campaign of the program.
 
 use crate::{folder, read};
-use sunglint_numerics::progress::Silent;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+use sunglint_numerics::progress::{Progress, Silent};
 use sunglint_study::StudyError;
-use sunglint_study::slurm::{Array, part};
+use sunglint_study::slurm::{Array, JOB, part};
+
+/// An array of two stand-ins, without grace.
+fn array(submit: PathBuf, queue: Option<PathBuf>) -> Array {
+    Array {
+        submit,
+        queue,
+        command: vec!["true".into()],
+        threads: None,
+        tasks: 50,
+        grace: Duration::ZERO,
+        options: Vec::new(),
+    }
+}
+
+/// A script that can be called.
+fn executable(path: &Path, text: &str) -> PathBuf {
+    std::fs::write(path, text).expect("written");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(path, mode).expect("executable");
+    path.to_path_buf()
+}
+
+/// Progress that keeps what it is told, and is stopped at the n-th question.
+#[derive(Default)]
+struct Heard {
+    said: Mutex<Vec<String>>,
+    asked: AtomicUsize,
+    stop_at: Option<usize>,
+}
+
+impl Heard {
+    fn said(&self) -> Vec<String> {
+        self.said.lock().expect("a list").clone()
+    }
+}
+
+impl Progress for Heard {
+    fn status(&self, text: &str) {
+        self.said.lock().expect("a list").push(text.to_owned());
+    }
+
+    fn warn(&self, text: &str) {
+        self.status(&format!("warning: {text}"));
+    }
+
+    fn is_cancelled(&self) -> bool {
+        let asked = self.asked.fetch_add(1, Ordering::Relaxed);
+        self.stop_at.is_some_and(|at| asked >= at)
+    }
+}
 
 #[test]
 fn the_script_is_one_that_a_shell_reads_alike() {
@@ -13,14 +67,16 @@ fn the_script_is_one_that_a_shell_reads_alike() {
         submit: "sbatch".into(),
         queue: None,
         command: vec!["/opt/my tools/sunglint".into(), "study".into(), "a'b.toml".into()],
-        tasks: 50,
         options: vec!["--partition=long".into()],
+        ..array(PathBuf::new(), None)
     };
     let script = array.script(&study).expect("a script");
     assert_eq!(
         script,
-        "#!/bin/sh\n#SBATCH --job-name='it'\\''s'\n#SBATCH --partition=long\n# What is done is left alone: a task may be started again at any time.\nexec '/opt/my tools/sunglint' study 'a'\\''b.toml' --part \"$SLURM_ARRAY_TASK_ID/1\"\n"
+        "#!/bin/sh\n#SBATCH --job-name='it'\\''s'\n#SBATCH --partition=long\n# What is done is left alone: a task may be started again at any time.\nexec '/opt/my tools/sunglint' study 'a'\\''b.toml' --threads \"${SLURM_CPUS_PER_TASK:-1}\" --part \"$SLURM_ARRAY_TASK_ID/1\"\n"
     );
+    let four = Array { threads: Some(4), ..array.clone() }.script(&study).expect("a script");
+    assert!(four.contains(" --threads 4 --part "), "{four}");
     let bad = Array { options: vec!["--a\nrm".into()], ..array };
     assert!(matches!(bad.script(&study), Err(StudyError::Slurm(_))));
 }
@@ -37,13 +93,7 @@ fn parts_are_read() {
 fn without_slurm_it_is_said() {
     let (dir, path) = folder("[study]\nscene = \"pass.toml\"\n");
     let study = read(&path).expect("a study");
-    let array = Array {
-        submit: dir.path().join("sbatch"),
-        queue: None,
-        command: vec!["true".into()],
-        tasks: 2,
-        options: Vec::new(),
-    };
+    let array = array(dir.path().join("sbatch"), None);
     let error = array.submit(&study, &dir.path().join("out"), &Silent).expect_err("no sbatch");
     assert!(error.to_string().contains("cannot start"), "{error}");
     assert!(dir.path().join("out/study.sbatch").exists());
@@ -66,7 +116,7 @@ fn lost_tasks_are_submitted_again() {
 array=$(echo "$2" | sed 's/--array=//')
 echo "$array" >> {log}
 echo "Submitted batch job 7"
-for part in $(echo "$array" | tr , ' '); do
+for part in $(echo "$array" | sed 's/1-3/1 2 3/'); do
   [ "$(wc -l < {log})" = 1 ] && continue
   [ "$(wc -l < {log}) $part" = "2 2" ] && continue
   cp "{made}/summary/part-00000$((part - 1)).parquet" "{out}/summary/"
@@ -77,28 +127,15 @@ exit 1
         made = made.display(),
         out = out.display(),
     );
-    let sbatch = dir.path().join("sbatch");
-    std::fs::write(&sbatch, script).expect("written");
-    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-    std::fs::set_permissions(&sbatch, mode).expect("executable");
-    let array = Array {
-        submit: sbatch,
-        queue: None,
-        command: vec!["true".into()],
-        tasks: 50,
-        options: Vec::new(),
-    };
+    let array = array(executable(&dir.path().join("sbatch"), &script), None);
     array.submit(&study, &out, &Silent).expect("all there");
     let log = std::fs::read_to_string(dir.path().join("log")).expect("a log");
-    assert_eq!(log, "1,2,3\n1,2,3\n2\n");
+    assert_eq!(log, "1-3\n1-3\n2\n");
 
-    let loses = dir.path().join("loses");
-    std::fs::write(&loses, "#!/bin/sh\necho Submitted batch job 8\n").expect("written");
-    std::fs::set_permissions(&loses, std::os::unix::fs::PermissionsExt::from_mode(0o755))
-        .expect("executable");
-    let array = Array { submit: loses, ..array };
+    let loses = "#!/bin/sh\necho Submitted batch job 8\n";
+    let array = Array { submit: executable(&dir.path().join("loses"), loses), ..array };
     let error = array.submit(&study, &dir.path().join("none"), &Silent).expect_err("lost");
-    assert!(error.to_string().contains("3 of 3 shards are missing"), "{error}");
+    assert!(error.to_string().contains("3 of 3 shards are missing after 2 arrays"), "{error}");
 }
 
 /// An array that goes on behind `sbatch` (synthetic: a stand-in for `squeue` that lists it for a while, then forgets it, and makes the shards): it is waited
@@ -112,30 +149,23 @@ fn an_array_is_waited_for_by_the_queue() {
     let made = dir.path().join("made");
     sunglint_study::run::run(&study, &made, sunglint_study::run::Part::ALL, &Silent).expect("done");
     let out = dir.path().join("out");
-    let executable = |name: &str, text: String| {
-        let path = dir.path().join(name);
-        std::fs::write(&path, text).expect("written");
-        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-        std::fs::set_permissions(&path, mode).expect("executable");
-        path
-    };
     let log = dir.path().join("log");
     let sbatch = executable(
-        "sbatch",
-        format!("#!/bin/sh\necho \"$1\" >> {}\necho Submitted batch job 71\n", log.display()),
+        &dir.path().join("sbatch"),
+        &format!("#!/bin/sh\necho \"$1\" >> {}\necho Submitted batch job 71\n", log.display()),
     );
     // The first array makes the first shard and is gone; the second goes on for ever, and its shard is there at the third look.
     let squeue = executable(
-        "squeue",
-        format!(
+        &dir.path().join("squeue"),
+        &format!(
             r#"#!/bin/sh
 [ "$3" = 71 ] || exit 9
 echo look >> {log}
 case $(grep -c look {log}) in
-  1) echo 71_1 R ;;
+  1) echo "PENDING Priority"; echo "RUNNING None" ;;
   2) cp {made}/summary/part-000000.parquet {out}/summary/; echo "slurm_load_jobs error: Invalid job id specified" >&2; exit 1 ;;
-  3) echo 71_2 R ;;
-  *) cp {made}/summary/part-000001.parquet {out}/summary/; echo 71_2 R ;;
+  3) echo "RUNNING None" ;;
+  *) cp {made}/summary/part-000001.parquet {out}/summary/; echo "RUNNING None" ;;
 esac
 "#,
             log = log.display(),
@@ -143,18 +173,118 @@ esac
             out = out.display(),
         ),
     );
-    let array = Array {
-        submit: sbatch,
-        queue: Some(squeue),
-        command: vec!["true".into()],
-        tasks: 50,
-        options: Vec::new(),
-    };
-    array.submit(&study, &out, &Silent).expect("all there");
+    let array = array(sbatch, Some(squeue));
+    let heard = Heard::default();
+    array.submit(&study, &out, &heard).expect("all there");
+    let said = heard.said();
+    assert!(said.contains(&"array 1: 2 parts, PENDING (Priority), RUNNING".to_owned()), "{said:?}");
+    assert!(!out.join(JOB).exists(), "nobody waits for it any more");
     let log = std::fs::read_to_string(log).expect("a log");
-    assert_eq!(log, "--array=1,2\nlook\nlook\n--array=2\nlook\nlook\n");
+    assert_eq!(log, "--array=1-2\nlook\nlook\n--array=2\nlook\nlook\n");
     let error = Array { queue: Some(dir.path().join("none")), ..array }
         .submit(&study, &dir.path().join("other"), &Silent)
         .expect_err("no squeue");
     assert!(error.to_string().contains("cannot start"), "{error}");
+}
+
+/// One shard, made elsewhere, and the command that puts it in its place.
+fn one_shard() -> (tempfile::TempDir, sunglint_study::Study, PathBuf, String) {
+    let (dir, path) = folder("[study]\nscene = \"pass.toml\"\n");
+    let study = read(&path).expect("a study");
+    let made = dir.path().join("made");
+    sunglint_study::run::run(&study, &made, sunglint_study::run::Part::ALL, &Silent).expect("done");
+    let out = dir.path().join("50%done");
+    let copy =
+        format!("cp {}/summary/part-000000.parquet {}/summary/", made.display(), out.display());
+    (dir, study, out, copy)
+}
+
+/// A controller that is away for a moment (synthetic; the texts are Slurm's own): what is refused for now is asked again, an unknown partition is not, and an
+/// answer that did not come is not either, as the array may be there.
+#[test]
+fn a_controller_that_is_away_is_asked_again() {
+    let (dir, study, out, copy) = one_shard();
+    let log = dir.path().join("log");
+    let away = |error: &str, name: &str| {
+        executable(
+            &dir.path().join(name),
+            &format!(
+                r#"#!/bin/sh
+echo "$@" >> {log}
+if [ "$(wc -l < {log})" -lt 3 ]; then echo "sbatch: error: Batch job submission failed: {error}" >&2; exit 1; fi
+{copy}
+echo Submitted batch job 9
+"#,
+                log = log.display()
+            ),
+        )
+    };
+    for (error, asked, word) in [
+        ("Invalid partition name specified", 1, "sbatch refused: "),
+        ("Socket timed out on send/recv operation", 1, "may be submitted all the same"),
+        ("Unable to contact slurm controller (connect failure)", 3, ""),
+        ("Resource temporarily unavailable", 3, ""),
+    ] {
+        let _ = std::fs::remove_file(&log);
+        let _ = std::fs::remove_dir_all(&out);
+        let done = array(away(error, "sbatch"), None).submit(&study, &out, &Silent);
+        let told = std::fs::read_to_string(&log).expect("a log");
+        assert_eq!(told.lines().count(), asked, "{error}");
+        // Slurm makes one percent sign of two.
+        assert!(told.contains("50%%done/log/%A_%a.txt"), "{told}");
+        match done {
+            Ok(()) => assert!(word.is_empty(), "{error}"),
+            Err(why) => assert!(!word.is_empty() && why.to_string().contains(word), "{why}"),
+        }
+    }
+}
+
+/// A job on another cluster, and a person's own filters of `squeue` (synthetic): the queue is asked with that cluster and without these.
+#[test]
+fn a_job_on_another_cluster_is_waited_for_there() {
+    let (dir, study, out, copy) = one_shard();
+    let log = dir.path().join("log");
+    let sbatch = executable(
+        &dir.path().join("sbatch"),
+        "#!/bin/sh\necho Submitted batch job 7 on cluster far\n",
+    );
+    let squeue = executable(
+        &dir.path().join("squeue"),
+        &format!(
+            "#!/bin/sh\necho \"$*;$(env | grep -c ^SQUEUE_)\" >> {}\necho CLUSTER: far\n[ -e {}/summary/part-000000.parquet ] || echo RUNNING None\n{copy}\n",
+            log.display(),
+            out.display()
+        ),
+    );
+    // Another process than this one: its environment is not that of the tests beside this one.
+    let asked = array(sbatch, Some(squeue));
+    asked.submit(&study, &out, &Silent).expect("all there");
+    let log = std::fs::read_to_string(&log).expect("a log");
+    assert_eq!(log, "--noheader --jobs 7 --format %T %r --clusters far;0\n");
+}
+
+/// Ctrl-C while `squeue` fails ends the waiting and keeps the job's number; the next call waits for that job, and submits no other (synthetic).
+#[test]
+fn a_job_is_gone_on_with_after_ctrl_c() {
+    let (dir, study, out, copy) = one_shard();
+    let log = dir.path().join("log");
+    let sbatch = executable(
+        &dir.path().join("sbatch"),
+        &format!("#!/bin/sh\necho submitted >> {}\necho Submitted batch job 12\n", log.display()),
+    );
+    let fails = executable(&dir.path().join("fails"), "#!/bin/sh\necho busy >&2\nexit 1\n");
+    let stopped = Heard { stop_at: Some(3), ..Heard::default() };
+    let error = array(sbatch.clone(), Some(fails)).submit(&study, &out, &stopped);
+    assert!(matches!(error, Err(StudyError::Cancelled(_))), "{error:?}");
+    let said = stopped.said().join("\n");
+    assert!(said.contains("warning: job 12 goes on in Slurm; `scancel 12` ends it"), "{said}");
+    assert_eq!(std::fs::read_to_string(out.join(JOB)).expect("a number"), "12\n");
+
+    let squeue = executable(
+        &dir.path().join("squeue"),
+        &format!("#!/bin/sh\n[ \"$3\" = 12 ] || exit 9\n{copy}\necho RUNNING None\n"),
+    );
+    array(sbatch.clone(), Some(squeue)).submit(&study, &out, &Silent).expect("all there");
+    assert_eq!(std::fs::read_to_string(&log).expect("a log"), "submitted\n");
+    assert!(!out.join(JOB).exists());
 }

@@ -66,6 +66,76 @@ impl FromStr for RateKind {
     }
 }
 
+/// Kind of light that a file of an archive holds: rates of a [`RateKind`], magnitudes, or a session that is not yet a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LightKind {
+    /// A session that was recorded: frames and counts, not yet a curve.
+    Recorded,
+    /// Rates as counted.
+    Raw,
+    /// Linear rates.
+    Linear,
+    /// Calibrated rates.
+    Calibrated,
+    /// Simulated rates.
+    Predicted,
+    /// Magnitudes of any program.
+    Magnitudes,
+}
+
+impl LightKind {
+    /// All kinds.
+    pub const ALL: [Self; 6] = [
+        Self::Recorded,
+        Self::Raw,
+        Self::Linear,
+        Self::Calibrated,
+        Self::Predicted,
+        Self::Magnitudes,
+    ];
+
+    /// Name in tables and options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Recorded => "recorded",
+            Self::Raw => "raw",
+            Self::Linear => "linear",
+            Self::Calibrated => "calibrated",
+            Self::Predicted => "predicted",
+            Self::Magnitudes => "magnitudes",
+        }
+    }
+
+    /// Explanation in a line, without a full stop.
+    pub const fn help(self) -> &'static str {
+        match self {
+            Self::Recorded => "Sessions: frames and counts that are not yet curves",
+            Self::Raw => "Rates as counted",
+            Self::Linear => "Linear rates",
+            Self::Calibrated => "Calibrated rates",
+            Self::Predicted => "Simulated rates",
+            Self::Magnitudes => "Magnitudes",
+        }
+    }
+
+    /// The kind of that name.
+    pub fn of(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+impl From<RateKind> for LightKind {
+    fn from(kind: RateKind) -> Self {
+        match kind {
+            RateKind::Raw => Self::Raw,
+            RateKind::Linear => Self::Linear,
+            RateKind::Calibrated => Self::Calibrated,
+            RateKind::Predicted => Self::Predicted,
+        }
+    }
+}
+
 /// The samples of one channel; all of one length, that of the curve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelCurve {
