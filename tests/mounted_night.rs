@@ -382,7 +382,7 @@ fn a_visit_over_indis_wires_and_a_killed_program() {
         assert!(frames.iter().any(|at| *at > arrived), "{arrived} {frames:?}");
         let path = sunglint_observatory::telescope::TargetPath::star(
             Catalogue::embedded().find(&star).unwrap(),
-            &Station::read(&folder.path("station")).unwrap().site,
+            &Station::read(folder.path("station")).unwrap().site,
             EarthOrientation::embedded(),
             (reading.utc, 10.0),
             sunglint_drivers::device::MountAxes::Equatorial,

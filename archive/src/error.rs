@@ -43,7 +43,7 @@ pub enum ArchiveError {
     Phase {
         /// The condition, as [`crate::Query`] names it.
         field: &'static str,
-        /// Its value.
+        /// The angle that was asked for, degrees.
         deg: f64,
     },
     /// The work was stopped.

@@ -189,7 +189,7 @@ pub(super) fn named_times<'a>(
     Ok(Some((name, times(path, table, name, names.scale, system, origin)?)))
 }
 
-/// What times that are numbers are counted from.
+/// The moment that times given as numbers are counted from.
 struct Origin {
     /// Modified Julian date of the origin, whole days and the rest.
     day: i64,

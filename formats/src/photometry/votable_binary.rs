@@ -14,7 +14,7 @@ pub(super) struct Form<'a> {
     pub(super) null: Option<&'a str>,
 }
 
-/// What was found, and what was expected.
+/// The words found and those expected.
 type Fault = (String, String);
 
 /// Number of elements of a cell.

@@ -84,7 +84,7 @@ pub(super) fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
 
 /// The first table of a VOTable (1.1 to 1.5) whose data stand as TABLEDATA, BINARY or BINARY2.
 ///
-/// What a TIMESYS says becomes metadata: `timesys_of` with an entry for each column that refers to one; `timesys`, `timeorigin` and `refposition` where the document has a single one.
+/// A TIMESYS becomes metadata: `timesys_of` with an entry for each column that refers to one; `timesys`, `timeorigin` and `refposition` where the document has a single one.
 pub(super) fn votable(path: &Path, text: &str) -> Result<Table, ParseError> {
     let document = parsed(path, text)?;
     let named = |name: &'static str| move |n: &Node<'_, '_>| n.tag_name().name() == name;

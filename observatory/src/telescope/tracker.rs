@@ -234,7 +234,7 @@ pub enum TrackError {
     },
 }
 
-/// What a mount did by itself.
+/// A move of the mount that nobody asked for.
 enum Own {
     /// Nothing.
     Nothing,
@@ -1027,7 +1027,7 @@ impl<'a> Tracker<'a> {
         *moved_deg > 1.0 + 4.0 * speed_deg_s && past_deg > 0.0 && past_deg < LIMIT_DEG
     }
 
-    /// What stands where a mount's own limit may be names that.
+    /// The error; it names the mount's own limit where the mount stands where one may be.
     fn limit(&self, error: TrackError, [hour_angle, declination]: [f64; 2]) -> TrackError {
         let stands = matches!(error, TrackError::ByHand { what: STOPPED })
             || matches!(error, TrackError::DoesNotFollow { asked_deg, moved_deg } if moved_deg < asked_deg);
@@ -1370,7 +1370,7 @@ impl<'a> Tracker<'a> {
     }
 }
 
-/// What a mount says of others' hands.
+/// Signs, in a mount's answers, that somebody else moves it.
 fn by_hand(error: DeviceError) -> TrackError {
     match error {
         DeviceError::Taken { what, .. } => TrackError::ByHand { what },

@@ -60,7 +60,7 @@ impl Pass {
     }
 }
 
-/// What is known of the trajectory, found epoch by epoch.
+/// The trajectory as far as it is known, found epoch by epoch.
 pub(super) struct Survey<'a> {
     pass: &'a Pass,
     course: Course,
@@ -107,7 +107,7 @@ impl<'a> Survey<'a> {
         self.geometries.insert(hasher.finish());
     }
 
-    /// What is known of all epochs.
+    /// Facts of all epochs.
     pub fn course(self) -> Course {
         Course { geometries: self.geometries.len(), ..self.course }
     }
