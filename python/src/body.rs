@@ -69,13 +69,10 @@ fn some_wavelengths(nm: &[f64]) -> PyResult<()> {
 /// # Errors
 /// `MemoryError`.
 fn rows_of<T: Clone>(value: T, n: usize, each: usize) -> PyResult<Vec<T>> {
-    let mut rows = Vec::new();
     let count = n.checked_mul(each);
-    match count.map(|count| rows.try_reserve_exact(count).map(|()| count)) {
-        Some(Ok(count)) => {
-            rows.resize(count, value);
-            Ok(rows)
-        }
+    match count.map(|count| (Vec::<T>::new().try_reserve_exact(count), count)) {
+        // Zeros that the system has ready are made when they are first written: to fill gigabytes here would take seconds in which nobody hears Ctrl-C.
+        Some((Ok(()), count)) => Ok(vec![value; count]),
         _ => Err(PyMemoryError::new_err(format!(
             "no memory for the results of {n} geometries, {each} numbers each: ask in parts"
         ))),
