@@ -171,13 +171,14 @@ impl MountPlan {
 
     /// How the mount is moved, whatever the target is.
     pub fn track_options(&self) -> TrackOptions {
-        let mut options = TrackOptions::default();
-        options.slew_within_s = self.slew_within_s();
-        options.slew_deg_s = self.slew_deg_s.map(Positive::get);
-        options.past_meridian_deg = self.past_meridian_deg();
-        options.german = self.german != Some(false);
-        options.unpark = false;
-        options
+        TrackOptions {
+            slew_within_s: self.slew_within_s(),
+            slew_deg_s: self.slew_deg_s.map(Positive::get),
+            past_meridian_deg: self.past_meridian_deg(),
+            german: self.german != Some(false),
+            unpark: false,
+            ..TrackOptions::default()
+        }
     }
 
     /// Speed of a slew, deg/s.
