@@ -79,6 +79,9 @@ pub struct GotoArgs {
     /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
     #[arg(long, value_name = "DEG", default_value_t = 30.0)]
     pub sun_limit: f64,
+    /// What is known of the mount.
+    #[command(flatten)]
+    pub known: track::KnownArgs,
     /// The mount's own software lifts places by refraction: leave that to it
     #[arg(long)]
     pub no_refraction: bool,
@@ -104,6 +107,7 @@ impl GotoArgs {
         within("within", self.within, 1.0, 36_000.0)?;
         within("min-elevation", self.min_elevation, 0.0, 89.0)?;
         within("sun-limit", self.sun_limit, 10.0, 90.0)?;
+        self.known.known()?;
         Ok(())
     }
 
@@ -145,9 +149,9 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         None => None,
     };
     let mut mount = track::open(&args.mount)?;
-    let abilities = mount.abilities().clone();
+    mount.know(&args.known.known()?);
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::new(&station.site, abilities.axes, abilities.may_turn_over(), cone)
+    let guard = Guard::of(&station.site, mount.abilities(), cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
     let soon = || Deadline::within(Duration::from_secs(5));
     if args.set_site {
@@ -159,7 +163,9 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         };
         mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
     }
-    guard.check_site(mount.site(&soon())?)?;
+    if let Some(doubt) = guard.doubt(mount.as_mut(), &soon())? {
+        return Err(doubt.into());
+    }
     if !args.trust_clock {
         let state = clock::measured();
         Certainty { synchronised: state.synchronised, error_s: state.error_s }.check()?;
@@ -172,17 +178,26 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     let mut options = GotoOptions::default();
     options.tolerance_arcsec = args.within;
     options.sync = args.sync;
-    options.refraction = !args.no_refraction;
+    options.refraction = track::refracts(args.no_refraction, mount.as_ref(), console);
+    options.track.german = !args.known.fork;
     let clock = DeviceClock::live();
-    let mut going =
-        Goto { site: &station.site, guard: &guard, mount: mount.as_mut(), clock, options };
+    let pulse = dog.pulse();
+    let beat = || pulse.tick();
+    let mut going = Goto {
+        site: &station.site,
+        guard: &guard,
+        mount: mount.as_mut(),
+        clock,
+        options,
+        beat: &beat,
+    };
     let mut look = eye.as_mut().map(|eye| {
         |cancel: &Cancel| {
             // Finding a frame takes seconds.
             let found = std::thread::scope(|scope| {
                 let looking = scope.spawn(|| eye.look(cancel));
                 while !looking.is_finished() {
-                    dog.tick();
+                    beat();
                     std::thread::sleep(BEAT);
                 }
                 looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
@@ -196,13 +211,14 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     });
     let look = look.as_mut().map(|look| look as &mut sunglint_observatory::telescope::Look<'_>);
     let mut shown = 0_u32;
+    let mut watched = true;
     let went = going.to(&target, look, &cancel, &mut |step| {
-        dog.tick();
+        watched = dog.beat().is_continue();
         if shown.is_multiple_of(10) {
             console.say(&step_text(step));
         }
         shown += 1;
-        ControlFlow::Continue(())
+        if watched { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     let gone = match went {
         Ok(gone) => gone,
@@ -214,6 +230,9 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         Err(error) => {
             // What follows the stars goes on doing so: it is stopped.
             stop(mount.as_mut(), dog)?;
+            if !watched {
+                bail!("the watchdog has gone: the mount was stopped");
+            }
             return Err(error.into());
         }
     };
@@ -281,8 +300,7 @@ fn hold(
             if cancel.is_cancelled() {
                 break;
             }
-            dog.tick();
-            if !dog.watches() {
+            if dog.beat().is_break() {
                 bail!("the watchdog has gone: the mount is stopped");
             }
             std::thread::sleep(BEAT);

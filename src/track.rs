@@ -10,19 +10,20 @@ use hifitime::{Epoch, Unit};
 use std::io::{BufRead as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountSite};
+use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountKnown, MountSite};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
-    Certainty, Guard, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions, TrackStep,
-    Tracker, Weather, WeatherFile, park,
+    Certainty, Guard, PARK_WITHIN, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
+    TrackStep, Tracker, Weather, WeatherFile, park,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
 use sunglint_radiometry::station::Station;
@@ -75,6 +76,9 @@ pub struct TrackArgs {
     /// Speed of the mount's slews, degrees a second: how far ahead of the target it is sent when it is turned over; without it that of its rates, 2 at least
     #[arg(long, value_name = "DEG_S")]
     pub slew_deg_s: Option<f64>,
+    /// What is known of the mount.
+    #[command(flatten)]
+    pub known: KnownArgs,
     /// How much later than predicted the target comes, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub late_s: f64,
@@ -104,6 +108,62 @@ pub struct TrackArgs {
     pub out: OutputArgs,
 }
 
+/// Axes of a mount, as a person names them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum AxesArg {
+    /// Hour angle and declination.
+    Equatorial,
+    /// Azimuth and altitude.
+    Altaz,
+}
+
+/// Facts about a mount that its driver does not tell.
+#[derive(Debug, Args)]
+pub struct KnownArgs {
+    /// The mount is a fork: it never turns over at the meridian, also where its driver tells a side of a pier
+    #[arg(long)]
+    pub fork: bool,
+    /// Axes about which the mount turns [default: those that its driver tells; where it tells none, the ways of both kinds are kept off the Sun]
+    #[arg(long, value_name = "AXES")]
+    pub axes: Option<AxesArg>,
+    /// Fastest rate that its motors do, degrees a second, where its driver publishes more
+    #[arg(long, value_name = "DEG_S")]
+    pub most_rate_deg_s: Option<f64>,
+    /// Slowest rate other than none that it takes, arcsec a second: slower ones are sent as the nearer of the two (EQMOD: 0.76)
+    #[arg(long, value_name = "ARCSEC_S")]
+    pub least_rate_arcsec_s: Option<f64>,
+}
+
+impl KnownArgs {
+    pub(crate) fn known(&self) -> Result<MountKnown, Usage> {
+        let within = |name: &str, value: Option<f64>, least: f64, most: f64| match value {
+            Some(v) if !(least..=most).contains(&v) => {
+                Err(Usage(format!("--{name} is {v}, expected {least} to {most}")))
+            }
+            other => Ok(other),
+        };
+        Ok(MountKnown {
+            axes: self.axes.map(|axes| match axes {
+                AxesArg::Equatorial => MountAxes::Equatorial,
+                AxesArg::Altaz => MountAxes::Horizontal,
+            }),
+            german: self.fork.then_some(false),
+            most_deg_s: within("most-rate-deg-s", self.most_rate_deg_s, 0.01, 100.0)?,
+            least_deg_s: within("least-rate-arcsec-s", self.least_rate_arcsec_s, 0.0, 60.0)?
+                .map(|rate| rate / 3600.0),
+        })
+    }
+}
+
+/// Whether places are lifted by refraction for a mount; where its own software does it, that is said.
+pub(crate) fn refracts(no_refraction: bool, mount: &dyn Mount, console: Console) -> bool {
+    let own = mount.abilities().refracts == Some(true);
+    if own && !no_refraction {
+        console.say("the mount's own software lifts places by refraction: that is left to it");
+    }
+    !no_refraction && !own
+}
+
 /// Arguments of the watchdog's process.
 #[derive(Debug, Args)]
 pub struct WatchdogArgs {
@@ -130,6 +190,7 @@ impl TrackArgs {
         within("weather-age-s", self.weather_age_s, 10.0, 3600.0)?;
         within("every", self.every, 0.05, 3600.0)?;
         within("for-s", self.for_s.unwrap_or(1.0), 0.1, 86_400.0)?;
+        self.known.known()?;
         Ok(())
     }
 
@@ -176,7 +237,8 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let at = when(&args.at).context("--at")?;
     let station = args.station.get()?;
     let orbit = args.orbit(at)?;
-    let (from, seconds) = args.span(&orbit, &station, at)?;
+    // A target that comes late is where its elements say that it was before.
+    let (from, seconds) = args.span(&orbit, &station, at - args.late_s * Unit::Second)?;
     for warning in orbit.warnings(from, from + seconds * Unit::Second) {
         console.warn(&warning);
     }
@@ -185,7 +247,8 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     if args.is_virtual() {
         return rehearse(args, console, &station, &orbit, (from, seconds), virtual_axes);
     }
-    let ahead_s = (from - Epoch::now().context("the system has no clock")?).to_seconds();
+    let ahead_s =
+        args.late_s + (from - Epoch::now().context("the system has no clock")?).to_seconds();
     if !args.dry_run && ahead_s > 3600.0 {
         bail!(
             "the pass begins in {:.1} h: start this within the hour before, or look at it with --dry-run",
@@ -193,9 +256,10 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         );
     }
     let mut mount = open(&args.mount)?;
+    mount.know(&args.known.known()?);
     let abilities = mount.abilities().clone();
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::new(&station.site, abilities.axes, abilities.may_turn_over(), cone)
+    let guard = Guard::of(&station.site, &abilities, cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
     let soon = || Deadline::within(Duration::from_secs(5));
     if args.set_site && !args.dry_run {
@@ -207,11 +271,10 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         };
         mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
     }
-    let site = mount.site(&soon())?;
+    let doubt = guard.doubt(mount.as_mut(), &soon())?;
     let state = clock::measured();
     let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
-    let doubts =
-        [guard.check_site(site).err(), certainty.check().err().filter(|_| !args.trust_clock)];
+    let doubts = [doubt, certainty.check().err().filter(|_| !args.trust_clock)];
     let earth = EarthOrientation::embedded();
     let path = TargetPath::new(
         &orbit,
@@ -219,11 +282,12 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         earth,
         (from, seconds),
         abilities.axes,
-        !args.no_refraction,
-    )?;
+        refracts(args.no_refraction, mount.as_ref(), console),
+    )?
+    .later(args.late_s);
     let stands = path.angles_of(&mount.reading(&soon())?);
-    let plan =
-        PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands), args.past_meridian);
+    let mut options = options(args);
+    let plan = PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands), &options);
     let mut report = TrackReport::planned(plan, args.mount.clone());
     if args.dry_run {
         for doubt in doubts.into_iter().flatten() {
@@ -243,34 +307,47 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     }
     console.say(&plan_text(&report.plan, &args.mount));
     let cancel = Cancel::new();
-    let token = cancel.clone();
-    listen(Hangup::Ends, move || token.cancel())?;
+    let (token, stops) = (cancel.clone(), Arc::new(AtomicU32::new(0)));
+    let asked = stops.clone();
+    listen(Hangup::Ends, move || {
+        asked.fetch_add(1, Ordering::SeqCst);
+        token.cancel();
+    })?;
     let program = std::env::current_exe().context("cannot find this program")?;
-    let dog = Process::start(&program, &args.mount)?;
-    let mut options = options(args);
+    let mut dog = Process::start(&program, &args.mount)?;
     options.watch_clock = true;
-    let mut tracker =
-        Tracker::new(&path, &guard, mount.as_mut(), None, DeviceClock::live(), options);
+    let (clock, pulse) = (DeviceClock::live(), dog.pulse());
+    let mut tracker = Tracker::new(&path, &guard, mount.as_mut(), None, clock, options)
+        .beating(move || pulse.tick());
     let mut lines = Lines::new(args.every, console);
-    let ended = tracker.run(&cancel, &mut |step| {
-        dog.tick();
+    let mut watched = true;
+    let mut ended = tracker.run(&cancel, &mut |step| {
+        watched = dog.beat().is_continue();
         lines.show(step);
-        if sky.unfit().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        match watched && sky.unfit().is_none() {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        }
     });
+    drop(tracker);
     let weather = sky.unfit();
     let stands = !matches!(ended, Err(TrackError::Device(DeviceError::NotStopped { .. })));
     let by_hand = matches!(ended, Err(TrackError::ByHand { .. }));
-    if stands {
+    if !watched && ended.is_ok() {
+        let what = "it has gone, and nobody would stop the mount: it was stopped".into();
+        ended = Err(DeviceError::Lost { device: "watchdog", what }.into());
+    }
+    let parks = stands && watched && !by_hand && (args.park || weather.is_some());
+    let done = match parks {
+        true => parked(mount.as_mut(), &guard, &mut dog, &stops, console),
+        false => Ok(()),
+    };
+    if stands && watched && done.is_ok() {
         dog.done();
     } else {
         // It stops the mount over its own connection.
         drop(dog);
     }
-    let done = if stands && !by_hand && (args.park || weather.is_some()) {
-        parked(mount.as_mut(), &guard, console)
-    } else {
-        Ok(())
-    };
     finish(args, console, &mut report, ended, &lines.steps)?;
     done?;
     match weather {
@@ -279,10 +356,23 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     }
 }
 
-/// Parks a mount that stands, and says how that went.
-fn parked(mount: &mut dyn Mount, guard: &Guard, console: Console) -> anyhow::Result<()> {
-    // Parking ends by itself.
-    let done = park(mount, guard, &DeviceClock::live(), &mut || ControlFlow::Continue(()));
+/// Parks a mount that stands, under the watchdog's eyes, and says how that went. Ctrl-C stops it: another one than that which ended the following.
+fn parked(
+    mount: &mut dyn Mount,
+    guard: &Guard,
+    dog: &mut Process,
+    stops: &AtomicU32,
+    console: Console,
+) -> anyhow::Result<()> {
+    let before = stops.load(Ordering::SeqCst);
+    console.say("the mount is parked; Ctrl-C stops it");
+    dog.pulse().busy(PARK_WITHIN);
+    let done = park(mount, guard, &DeviceClock::live(), &mut || match stops.load(Ordering::SeqCst)
+        == before
+    {
+        true => dog.beat(),
+        false => ControlFlow::Break(()),
+    });
     match done.context("it is not known whether the mount is parked")? {
         Parked::Parked => console.say(Parked::Parked.text()),
         Parked::SunIsUp => console.warn(Parked::SunIsUp.text()),
@@ -328,7 +418,7 @@ fn options(args: &TrackArgs) -> TrackOptions {
     if let Some(speed) = args.slew_deg_s {
         options.slew_within_s = options.slew_within_s.max(360.0 / speed + 60.0);
     }
-    options.nudge_s = args.late_s;
+    options.german = !args.known.fork;
     options
 }
 
@@ -367,8 +457,9 @@ fn rehearse(
     axes: MountAxes,
 ) -> anyhow::Result<()> {
     let earth = EarthOrientation::embedded();
-    let (from, seconds) = span;
-    let path = TargetPath::new(orbit, &station.site, earth, span, axes, false)?;
+    let seconds = span.1;
+    let path = TargetPath::new(orbit, &station.site, earth, span, axes, false)?.later(args.late_s);
+    let from = path.from();
     let start = from - 60.0 * Unit::Second;
     let clock = DeviceClock { clock: Arc::new(VirtualClock::new()), zero_utc: Some(start) };
     let frames =
@@ -392,12 +483,12 @@ fn rehearse(
     });
     let telescope = Telescope::new(made, clock.clone(), Arc::new(sky));
     let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
+    mount.know(&args.known.known()?);
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let turns_over = mount.abilities().may_turn_over();
-    let guard = Guard::new(&station.site, axes, turns_over, cone)
+    let guard = Guard::of(&station.site, mount.abilities(), cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);
-    let plan =
-        PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None, args.past_meridian);
+    let mut options = options(args);
+    let plan = PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None, &options);
     let mut report = TrackReport::planned(plan, args.mount.clone());
     if args.dry_run {
         return args.out.finish(&report.product(&[])?, &report.text(), console);
@@ -405,7 +496,6 @@ fn rehearse(
     if let Some(why) = &report.plan.refused {
         bail!("{why}");
     }
-    let mut options = options(args);
     options.watch_clock = false;
     let finder: Option<&mut dyn Finder> = Some(&mut finder);
     let mut tracker = Tracker::new(&path, &guard, &mut mount, finder, clock, options);

@@ -20,8 +20,8 @@ pub(crate) use scale::Scale;
 
 pub use focuser::Focuser;
 pub use mount::{
-    Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountMotion, MountPlace, MountRates,
-    MountReading, MountSite, PierSide, Spot,
+    Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountClock, MountKnown, MountMotion,
+    MountPlace, MountRates, MountReading, MountSite, MountTime, PierSide, Spot,
 };
 pub use sink::TagSink;
 

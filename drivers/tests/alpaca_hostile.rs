@@ -4,12 +4,13 @@
 use crate::common::alpaca::{Scripted, body, connect, error, place, value, within};
 use std::io::Write as _;
 use std::net::TcpStream;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use sunglint_drivers::alpaca::{Camera, Focuser, Mount, MountSettings, SessionSettings};
 use sunglint_drivers::device::{
-    Camera as _, DeviceError, Focuser as _, Mount as _, MountMotion, MountPlace, MountRates, Window,
+    Camera as _, DeviceError, Focuser as _, Mount as _, MountAxes, MountClock, MountMotion,
+    MountPlace, MountRates, Window,
 };
 use sunglint_drivers::transport::TransportError;
 
@@ -208,7 +209,7 @@ fn a_mount_that_does_not_move_has_no_senses() {
         request => telescope(request, stream),
     }));
     let mut mount = mount_of(&server);
-    let still = mount.learn_senses(&within(20.0)).unwrap_err();
+    let still = mount.learn_senses(&|| (), &within(20.0)).unwrap_err();
     assert!(matches!(still, DeviceError::NotTaken { .. }), "{still}");
     // It was stopped after it.
     let last = server.requests();
@@ -217,6 +218,93 @@ fn a_mount_that_does_not_move_has_no_senses() {
         "{last:?}"
     );
     assert!(mount.set_rates([0.1, 0.0], &within(5.0)).is_err());
+}
+
+/// A telescope whose axes turn as they are told, and that somebody else may stop or park.
+struct Turns {
+    /// Rates, deg/s, and hour angle and declination, deg.
+    rates: [f64; 2],
+    angle: [f64; 2],
+    since: Instant,
+    parked: bool,
+    /// Whether it says that it slews while its axes turn.
+    says: bool,
+}
+
+impl Turns {
+    fn go_on(&mut self) {
+        let s = self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+        for (angle, rate) in self.angle.iter_mut().zip(self.rates) {
+            *angle += rate * s;
+        }
+    }
+}
+
+/// Truth: the telescope's own state: what somebody else stops while rates are in force stands in the second reading, what somebody else parks is parked, and its refusal of a rate says so. A mount that
+/// never says that its axes turn is not taken for one that stands.
+#[test]
+fn what_somebody_else_does_to_rates_is_noticed() {
+    for says in [true, false] {
+        let turns = Arc::new(Mutex::new(Turns {
+            rates: [0.0; 2],
+            angle: [20.0, 10.0],
+            since: Instant::now(),
+            parked: false,
+            says,
+        }));
+        let (of, began) = (turns.clone(), Instant::now());
+        let server = Scripted::start(Arc::new(move |request, form, stream| {
+            let mut turns = of.lock().unwrap();
+            turns.go_on();
+            match request {
+                "GET telescope/0/rightascension" => {
+                    let stars = began.elapsed().as_secs_f64() * 15.041 / 3600.0;
+                    value(stream, &((100.0 + stars - turns.angle[0]) / 15.0).to_string())
+                }
+                "GET telescope/0/declination" => value(stream, &turns.angle[1].to_string()),
+                "GET telescope/0/tracking" => value(stream, "false"),
+                "GET telescope/0/atpark" => value(stream, &turns.parked.to_string()),
+                "GET telescope/0/slewing" => {
+                    let turn = turns.says && turns.rates != [0.0; 2];
+                    value(stream, &turn.to_string())
+                }
+                "PUT telescope/0/moveaxis" if turns.parked => error(stream, 0x408, "parked"),
+                "PUT telescope/0/moveaxis" => {
+                    let of = |key: &str| {
+                        let found = form.split('&').find_map(|part| part.strip_prefix(key));
+                        found.unwrap().to_owned()
+                    };
+                    let axis: usize = of("Axis=").parse().unwrap();
+                    turns.rates[axis] = of("Rate=").parse().unwrap();
+                    value(stream, "null")
+                }
+                request => telescope(request, stream),
+            }
+        }));
+        let mut mount = mount_of(&server);
+        let beats = std::cell::Cell::new(0);
+        mount.learn_senses(&|| beats.set(beats.get() + 1), &within(30.0)).unwrap();
+        assert!(beats.get() >= 6, "{}", beats.get());
+        let read = |mount: &mut Mount<_>| mount.reading(&within(5.0)).unwrap().motion;
+        mount.set_rates([0.5, 0.2], &within(5.0)).unwrap();
+        assert_eq!([(); 3].map(|()| read(&mut mount)), [MountMotion::Tracking; 3]);
+        // Slower than it was ever seen to say it: that it does not is no sign.
+        mount.set_rates([0.001, 0.0], &within(5.0)).unwrap();
+        turns.lock().unwrap().says = false;
+        assert_eq!([(); 3].map(|()| read(&mut mount)), [MountMotion::Tracking; 3]);
+        turns.lock().unwrap().says = says;
+        mount.set_rates([0.5, 0.2], &within(5.0)).unwrap();
+        assert_eq!(read(&mut mount), MountMotion::Tracking);
+        turns.lock().unwrap().rates = [0.0; 2];
+        let then = [(); 2].map(|()| read(&mut mount));
+        let stands = if says { MountMotion::Still } else { MountMotion::Tracking };
+        assert_eq!(then, [MountMotion::Tracking, stands]);
+        turns.lock().unwrap().parked = true;
+        let refused = mount.set_rates([0.5, 0.2], &within(5.0)).unwrap_err();
+        assert!(matches!(refused, DeviceError::Taken { .. }), "{refused}");
+        assert_eq!(read(&mut mount), MountMotion::Parked);
+    }
 }
 
 /// Truth: the lists of rates: a few values are no continuum, gaps are none, no list is none; a mount of another equinox is refused.
@@ -242,6 +330,27 @@ fn rates_and_equinoxes_are_told_apart() {
         of(r#"[{"Minimum":0.0,"Maximum":1.0},{"Minimum":1.0,"Maximum":4.0}]"#),
         MountRates::Continuous { most_deg_s: [4.0, 4.0] }
     );
+    // A range within another one leaves no gap behind it.
+    assert_eq!(
+        of(
+            r#"[{"Minimum":0.0,"Maximum":5.0},{"Minimum":1.0,"Maximum":2.0},{"Minimum":4.0,"Maximum":6.0}]"#
+        ),
+        MountRates::Continuous { most_deg_s: [6.0, 6.0] }
+    );
+    let plain = with("[]", "1");
+    let abilities = mount_of(&plain).abilities().clone();
+    assert_eq!((abilities.turns_about, abilities.refracts), (Some(MountAxes::Equatorial), None));
+    let other = Scripted::start(Arc::new(|request, _, stream| match request {
+        "GET telescope/0/doesrefraction" => value(stream, "true"),
+        "GET telescope/0/alignmentmode" => error(stream, 0x400, "not implemented"),
+        "GET telescope/0/siderealtime" => value(stream, "2.5"),
+        request => telescope(request, stream),
+    }));
+    let mut mount = mount_of(&other);
+    let abilities = mount.abilities().clone();
+    assert_eq!((abilities.turns_about, abilities.refracts), (None, Some(true)));
+    let time = mount.time(&within(5.0)).unwrap().map(|time| time.clock);
+    assert_eq!(time, Some(MountClock::SiderealDeg(37.5)));
     let server = with("[]", "2");
     let settings = MountSettings::default();
     let opened = Mount::open(connect(server.port), &place(server.port), settings, &within(10.0));

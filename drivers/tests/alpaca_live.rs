@@ -82,7 +82,7 @@ fn a_visit_slews_syncs_follows_rates_stops_and_parks() {
     // No rates before the senses are known.
     let early = mount.set_rates([0.1, 0.1], &within(5.0)).unwrap_err();
     assert!(matches!(early, DeviceError::NotReady { .. }), "{early}");
-    mount.learn_senses(&within(20.0)).unwrap();
+    mount.learn_senses(&|| (), &within(20.0)).unwrap();
     for asked in [[0.5, 0.2], [-0.3, -0.7], [0.0, 0.0]] {
         mount.set_rates(asked, &within(5.0)).unwrap();
         let got = measured(&mut mount);
@@ -136,7 +136,7 @@ fn senses_hold_on_one_side_of_the_pier() {
     assert!(abilities.tells_pier_side && abilities.may_turn_over() && abilities.tells_tracking);
     mount.set_parked(false, &within(5.0)).unwrap();
     mount.set_rates([0.0; 2], &within(5.0)).unwrap();
-    mount.learn_senses(&within(20.0)).unwrap();
+    mount.learn_senses(&|| (), &within(20.0)).unwrap();
     mount.set_rates([0.1, 0.0], &within(5.0)).unwrap();
     hang(-1);
     assert_eq!(mount.reading(&within(5.0)).unwrap().pier, Some(PierSide::East));
@@ -146,7 +146,7 @@ fn senses_hold_on_one_side_of_the_pier() {
     let other = mount.set_rates([0.1, 0.0], &within(5.0)).unwrap_err();
     assert!(matches!(other, DeviceError::NotReady { .. }), "{other}");
     mount.set_rates([0.0; 2], &within(5.0)).unwrap();
-    mount.learn_senses(&within(20.0)).unwrap();
+    mount.learn_senses(&|| (), &within(20.0)).unwrap();
     mount.set_rates([0.1, 0.0], &within(5.0)).unwrap();
     mount.stop(&within(5.0)).unwrap();
 }

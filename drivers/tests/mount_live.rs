@@ -105,7 +105,7 @@ fn a_mount_goes_turns_stops_and_parks() {
             let other = mount.set_rates([0.1, 0.1], &within(5.0)).unwrap_err();
             assert!(matches!(other, DeviceError::NotReady { .. }), "{other}");
             mount.set_rates([0.0; 2], &within(5.0)).unwrap();
-            mount.learn_senses(&within(20.0)).unwrap();
+            mount.learn_senses(&|| (), &within(20.0)).unwrap();
             for asked in [[500.0, 100.0], [-300.0, -700.0], [0.0, 0.0]] {
                 mount.set_rates(asked.map(|rate| rate / 3600.0), &within(5.0)).unwrap();
                 let got = measured(&mut mount);

@@ -17,6 +17,7 @@ mod indi_fixtures;
 mod indi_live;
 mod indi_parser;
 mod indi_simulated;
+mod mount_indi;
 mod mount_live;
 mod ophir_fixtures;
 mod ophir_meter;

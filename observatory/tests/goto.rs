@@ -127,6 +127,7 @@ fn a_mount_that_is_set_up_badly_finds_the_star() {
                 mount: &mut mount,
                 clock: stage.clock.clone(),
                 options: options(),
+                beat: &|| (),
             };
             let look: Option<&mut sunglint_observatory::telescope::Look<'_>> =
                 if looks { Some(&mut look) } else { None };
@@ -167,6 +168,7 @@ fn what_does_not_arrive_says_why() {
             mount: &mut mount,
             clock: stage.clock.clone(),
             options: options(),
+            beat: &|| (),
         };
         let target = GotoTarget::Star(Box::new(star.clone()));
         goto.to(&target, Some(look), &Cancel::new(), &mut |_| ControlFlow::Continue(()))
@@ -198,8 +200,14 @@ fn what_does_not_arrive_says_why() {
     let mut mount = telescope.mount();
     let axes = mount.abilities().axes;
     let guard = Guard::new(&site(), axes, false, SunCone::default());
-    let mut goto =
-        Goto { site: &site(), guard: &guard, mount: &mut mount, clock, options: options() };
+    let mut goto = Goto {
+        site: &site(),
+        guard: &guard,
+        mount: &mut mount,
+        clock,
+        options: options(),
+        beat: &|| (),
+    };
     let target = GotoTarget::Star(Box::new(spica.clone()));
     let error = goto.to(&target, None, &Cancel::new(), &mut |_| ControlFlow::Continue(()));
     assert!(

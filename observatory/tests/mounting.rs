@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{
-    Camera, Device, DeviceError, Identity, Mount, MountAbilities, MountMotion, MountPlace,
-    MountReading, MountSite, PhotonCounter, Setting,
+    Camera, Device, DeviceError, Identity, Mount, MountAbilities, MountAxes, MountKnown,
+    MountMotion, MountPlace, MountReading, MountSite, MountTime, PhotonCounter, Setting,
 };
 use sunglint_formats::session::{Session, What};
 use sunglint_formats::time::parse_utc;
@@ -33,6 +33,10 @@ struct Stage {
     happens: Mutex<Vec<Happens>>,
     /// When the line is cut, s.
     cut_s: [f64; 2],
+    /// When it refuses rates, s; it goes on at the last ones that it took.
+    refuses_s: Mutex<Vec<[f64; 2]>>,
+    /// Time that each call takes, s.
+    takes_s: Mutex<f64>,
     /// Calls: when, s, and what.
     calls: Mutex<Vec<(f64, &'static str)>>,
     /// What it said: when, where, and its motion.
@@ -62,6 +66,8 @@ impl Stage {
             telescope,
             happens: Mutex::new(happens),
             cut_s,
+            refuses_s: Mutex::default(),
+            takes_s: Mutex::new(0.0),
             calls: Mutex::default(),
             said: Mutex::default(),
         })
@@ -129,6 +135,8 @@ impl OnLine {
         if !self.is_led() {
             self.happen();
         }
+        let takes_s = *self.stage.takes_s.lock().unwrap();
+        self.stage.hand.sleep(Duration::from_secs_f64(takes_s));
         let now_s = self.stage.now_s();
         if (self.stage.cut_s[0]..self.stage.cut_s[1]).contains(&now_s) {
             return Err(DeviceError::Lost { device: "mount", what: "the line is cut".into() });
@@ -171,11 +179,24 @@ impl Mount for OnLine {
         self.call("rates")?.set_tracking(on, deadline)
     }
 
-    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
-        self.call("learn")?.learn_senses(deadline)
+    fn know(&mut self, known: &MountKnown) {
+        self.mount.know(known);
+    }
+
+    fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError> {
+        for _ in 0..8 {
+            self.call("learn")?;
+            beat();
+        }
+        self.call("learn")?.learn_senses(beat, deadline)
     }
 
     fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
+        let now_s = self.stage.now_s();
+        if self.stage.refuses_s.lock().unwrap().iter().any(|[a, b]| (*a..*b).contains(&now_s)) {
+            let (request, message) = ("rates".into(), "Speed rate out of limits".into());
+            return Err(DeviceError::Declined { device: "mount", request, message });
+        }
         let told = self.call("rates")?.set_rates(deg_s, deadline);
         self.happen();
         told
@@ -191,6 +212,10 @@ impl Mount for OnLine {
 
     fn site(&mut self, deadline: &Deadline) -> Result<Option<MountSite>, DeviceError> {
         self.call("site")?.site(deadline)
+    }
+
+    fn time(&mut self, deadline: &Deadline) -> Result<Option<MountTime>, DeviceError> {
+        self.call("time")?.time(deadline)
     }
 
     fn set_site(
@@ -457,6 +482,155 @@ fn a_slew_that_is_broken_off_near_its_goal_has_not_arrived() {
     });
     assert!(matches!(ended, Err(TrackError::ByHand { .. })), "{ended:?}");
     assert!((0.6..2.5).contains(&last_deg), "{last_deg}");
+}
+
+/// A tracker's run on the stage's mount after Vega for two minutes, with a sign of life of its own.
+fn follow_vega(
+    stage: &Arc<Stage>,
+    beat: &dyn Fn(f64),
+) -> Result<sunglint_observatory::telescope::TrackSummary, TrackError> {
+    let earth = EarthOrientation::embedded();
+    let axes = stage.telescope.mount().abilities().axes;
+    let vega = sunglint_radiometry::sky::Catalogue::embedded().find("Vega").unwrap();
+    let path = TargetPath::star(vega, &site(), earth, (stage.start, 120.0), axes, false).unwrap();
+    let guard = Guard::new(&site(), axes, false, SunCone::default());
+    let mut options = TrackOptions::default();
+    options.watch_clock = false;
+    let mut mount = OnLine { mount: stage.telescope.mount(), stage: stage.clone() };
+    let tracker = Tracker::new(&path, &guard, &mut mount, None, stage.clock(), options);
+    tracker.beating(|| beat(stage.now_s())).run(&Cancel::new(), &mut |_| {
+        beat(stage.now_s());
+        ControlFlow::Continue(())
+    })
+}
+
+/// Truth: the rule in words: a mount that takes 1.5 s for each answer is slow, and its tracker does not hang: there is a sign of life between two calls, also while it begins a slew and tries the axes.
+#[test]
+fn a_tracker_of_a_slow_mount_gives_signs_of_life() {
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    *stage.takes_s.lock().unwrap() = 1.5;
+    let beats = std::cell::RefCell::new(vec![0.0]);
+    follow_vega(&stage, &|at_s| {
+        beats.borrow_mut().push(at_s);
+        // Three seconds from a reading to a command are too slow to follow.
+        if stage.told(&["learn"]).len() >= 9 {
+            *stage.takes_s.lock().unwrap() = 0.0;
+        }
+    })
+    .unwrap();
+    let calls = stage.told(&["learn"]);
+    assert!(calls.len() >= 9 && calls[8] - calls[0] > 10.0, "{calls:?}");
+    let beats = beats.into_inner();
+    let longest = beats.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
+    let hangs_s = sunglint_observatory::telescope::watchdog::HANGS.as_secs_f64();
+    assert!(longest < hangs_s, "{longest} s without a sign of life, {hangs_s} s are allowed");
+}
+
+/// Truth: the rule in words: rates that are refused for half a second are nothing, rates that are refused for three seconds end the following, and the mount stands.
+#[test]
+fn rates_that_are_refused_now_and_then_do_not_end_it() {
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    *stage.refuses_s.lock().unwrap() = vec![[60.0, 60.5], [70.0, 70.5]];
+    let summary = follow_vega(&stage, &|_| ()).unwrap();
+    assert!(!summary.cancelled && stage.now_s() > 119.0);
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    *stage.refuses_s.lock().unwrap() = vec![[60.0, 63.0]];
+    let ended = follow_vega(&stage, &|_| ()).unwrap_err();
+    assert!(matches!(ended, TrackError::Device(DeviceError::Declined { .. })), "{ended:?}");
+    assert!((61.0..62.0).contains(&stage.now_s()), "{}", stage.now_s());
+    assert_eq!(stage.motion(), MountMotion::Still);
+    // What somebody else did is told as such, wherever the mount says it.
+    let what = "the mount was parked by somebody else";
+    let taken = TrackError::from(DeviceError::Taken { device: "mount", what });
+    assert!(matches!(taken, TrackError::ByHand { .. }));
+}
+
+/// Truth: the Sun by SOFA. As above, with slews of 0.1 °/s, which may take an hour: the telescope is moved away long before the Sun rises, while a way is free.
+#[test]
+fn a_slow_telescope_is_moved_away_in_time() {
+    let stage = Stage::new("2020-06-21T00:40:00Z", vec![], [-1.0; 2]);
+    let place = MountPlace::Horizontal { azimuth_deg: 80.0, altitude_deg: 12.0 };
+    stage.telescope.mount().begin_goto(place, &soon()).unwrap();
+    stage.hand.sleep(Duration::from_secs(60));
+    let folder = tempfile::tempdir().unwrap();
+    let visit = "[[visit]]\noff = \"dark\"\nfor_s = 12000\n";
+    let errors = night(&stage, folder.path(), "park = false\nslew_deg_s = 0.1", visit);
+    let moved = errors.iter().find(|(_, text)| text.contains("it is moved away"));
+    assert!(
+        moved.is_some_and(|(at_s, _)| sun_deg(stage.start + *at_s * Unit::Second) < -5.0),
+        "{errors:?}"
+    );
+    let said = stage.said.lock().unwrap().clone();
+    let mut up = 0;
+    for reading in &said {
+        let MountPlace::Horizontal { azimuth_deg, altitude_deg } = reading.place else { panic!() };
+        let observer = Observer::at(reading.utc, &site(), EarthOrientation::embedded()).unwrap();
+        let sun = observer.sun().horizontal;
+        if sun.altitude_deg() > -0.833 {
+            up += 1;
+            let enu = sunglint_observatory::telescope::direction([azimuth_deg, altitude_deg]);
+            let off = enu.angle_between(sun.east_north_up()).to_degrees();
+            assert!(off > 30.0, "{off} at {}", reading.utc);
+        }
+    }
+    assert!(up > 100, "{up}");
+}
+
+/// Truth: in words: what a person knows counts, for the ways that are kept off the Sun and for the rates.
+#[test]
+fn what_a_person_knows_of_a_mount_counts() {
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    let mut abilities = stage.telescope.mount().abilities().clone();
+    (abilities.axes, abilities.turns_about) = (MountAxes::Equatorial, None);
+    (abilities.is_fork, abilities.tells_pier_side) = (false, true);
+    assert!(abilities.may_turn_over());
+    let of = |known: MountKnown| {
+        let mut told = abilities.clone();
+        told.know(&known);
+        told
+    };
+    let fork = of(MountKnown { german: Some(false), ..MountKnown::default() });
+    assert!(!fork.may_turn_over() && !fork.tells_pier_side && fork.turns_about.is_none());
+    let altaz = of(MountKnown { axes: Some(MountAxes::Horizontal), ..MountKnown::default() });
+    assert!(!altaz.may_turn_over() && altaz.axes == MountAxes::Equatorial);
+    let slow = MountKnown {
+        most_deg_s: Some(3.3),
+        least_deg_s: Some(0.76 / 3600.0),
+        ..MountKnown::default()
+    };
+    let slow = of(slow);
+    assert_eq!(slow.continuous_deg_s(), Some([3.3, 3.3]));
+    let sent = [0.0, 0.37, -0.39, 0.75, 0.77, -20.0]
+        .map(|arcsec_s| (slow.taken_deg_s(1, arcsec_s / 3600.0) * 3.6e6).round() / 1e3);
+    assert_eq!(sent, [0.0, 0.0, -0.76, 0.76, 0.77, -20.0]);
+    // No more than the driver publishes.
+    let fast = of(MountKnown { most_deg_s: Some(50.0), ..MountKnown::default() });
+    assert_eq!(fast.continuous_deg_s(), Some([10.0, 10.0]));
+}
+
+/// Truth: the rule in words: a tracker whose watchdog has gone is told so with its next sign of life; one that says that it is busy is not silent meanwhile.
+#[cfg(unix)]
+#[test]
+fn a_tracker_hears_that_its_watchdog_has_gone() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use sunglint_observatory::telescope::watchdog::Process;
+    let folder = tempfile::tempdir().unwrap();
+    let dog = |script: &str| {
+        let program = folder.path().join("dog");
+        std::fs::write(&program, script).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        Process::start(&program, "mount").unwrap()
+    };
+    let mut watching = dog("#!/bin/sh\necho ready\ncat > /dev/null\n");
+    assert!(watching.beat().is_continue());
+    watching.pulse().busy(Duration::from_secs(3600));
+    assert_eq!(watching.pulse().age(), Duration::ZERO);
+    watching.done();
+    let mut gone = dog("#!/bin/sh\necho ready\n");
+    let until = Deadline::within(Duration::from_secs(60));
+    while gone.beat().is_continue() {
+        until.sleep(Duration::from_millis(20)).unwrap();
+    }
 }
 
 /// Truth: the rule in words: a watchdog whose own connection is lost ends, though the tracker lives: the tracker then sees that nobody watches.

@@ -4,10 +4,10 @@
 use glam::DVec3;
 use hifitime::Unit;
 use rayon::prelude::*;
-use sunglint_drivers::device::{MountAxes, MountSite};
+use sunglint_drivers::device::{MountAbilities, MountAxes, MountRates, MountSite};
 use sunglint_ephemeris::motion::{AxisMotion, equatorial_axes, horizontal_axes};
 use sunglint_formats::time::parse_utc;
-use sunglint_observatory::telescope::{Certainty, Danger, Guard, SunCone, direction, sun};
+use sunglint_observatory::telescope::{Certainty, Danger, Guard, SunCone, angles, direction, sun};
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site};
 use sunglint_testkit::Campaign;
 
@@ -58,10 +58,15 @@ fn the_guards_sun_is_the_sun() {
 }
 
 /// The ways that mounts take between two directions, at random speeds of the axes, over the flip, round either way; and the great circle.
-fn ways(from: DVec3, to: DVec3, axes: MountAxes, turns_over: bool, dice: &mut Dice) -> Vec<DVec3> {
-    const LATITUDE: f64 = 48.78;
+fn ways(
+    from: DVec3,
+    to: DVec3,
+    (axes, turns_over): (MountAxes, bool),
+    latitude_deg: f64,
+    dice: &mut Dice,
+) -> Vec<DVec3> {
     let base = |enu: DVec3| match axes {
-        MountAxes::Equatorial => equatorial_axes(enu, LATITUDE),
+        MountAxes::Equatorial => equatorial_axes(enu, latitude_deg),
         MountAxes::Horizontal => enu,
     };
     let [a, b] = [from, to].map(|enu| AxisMotion::of(base(enu), DVec3::ZERO).angle_deg);
@@ -72,7 +77,9 @@ fn ways(from: DVec3, to: DVec3, axes: MountAxes, turns_over: bool, dice: &mut Di
     }
     if turns_over {
         for side in [-180.0, 180.0] {
-            turns.push([wrapped + side, 180.0 - b[1] - a[1]]);
+            // A German mount turns over the pole above the horizon: there the first axis ends in the sky.
+            let pole_deg = if latitude_deg < 0.0 { -90.0 } else { 90.0 };
+            turns.push([wrapped + side, 2.0 * pole_deg - b[1] - a[1]]);
         }
     }
     let turn = turns[(dice.next() * turns.len() as f64) as usize % turns.len()];
@@ -92,7 +99,7 @@ fn ways(from: DVec3, to: DVec3, axes: MountAxes, turns_over: bool, dice: &mut Di
         let angle = [a[0] + done(0), a[1] + done(1)];
         let x = direction(angle);
         all.push(match axes {
-            MountAxes::Equatorial => horizontal_axes(x, LATITUDE),
+            MountAxes::Equatorial => horizontal_axes(x, latitude_deg),
             MountAxes::Horizontal => x,
         });
     }
@@ -110,18 +117,71 @@ fn campaign_sun_cone() {
     let whole = campaign.seeds().end == 100_000;
     // A command costs milliseconds where detours are looked for.
     let seeds = 0..if whole { 100_000 } else { 2_000 };
+    let rows = random_commands(seeds, [48.78, 9.18], None);
+    let refused: u64 = rows.iter().map(|row| row.0).sum();
+    let allowed: u64 = rows.iter().map(|row| row.1).sum();
+    let least = rows.iter().map(|row| row.2).fold(180.0, f64::min);
+    println!("{allowed} commands allowed, {refused} refused, least distance {least:.2}°");
+    assert!(least >= 30.0, "{least}");
+    assert!(allowed > refused, "{allowed} {refused}");
+    campaign.largest("inside", rows.iter().filter(|row| row.2 < 30.0).count() as f64);
+    campaign.finish();
+}
+
+/// Truth: as of the campaign, for German mounts in the south, which turn over the southern pole; and for mounts of which nobody says about which axes they turn: they go their ways about either.
+#[test]
+fn southern_and_unknown_mounts_keep_off_the_sun() {
+    for (latitude_deg, kind) in [
+        (-29.26, Kind::German),
+        (-70.0, Kind::German),
+        (-29.26, Kind::Unknown),
+        (48.78, Kind::Unknown),
+    ] {
+        let rows = random_commands(0..700, [latitude_deg, -70.73], Some(kind));
+        let allowed: u64 = rows.iter().map(|row| row.1).sum();
+        let least = rows.iter().map(|row| row.2).fold(180.0, f64::min);
+        println!("{latitude_deg} {kind:?}: {allowed} allowed, least distance {least:.2}°");
+        assert!(least >= 30.0, "{latitude_deg} {kind:?}: {least}");
+        assert!(allowed > 500, "{latitude_deg} {kind:?}: {allowed}");
+    }
+}
+
+/// Kind of a mount.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    German,
+    /// Takes right ascension and declination; about which axes it turns, the guard is not told.
+    Unknown,
+}
+
+/// Three random commands for each seed: refused, allowed, and least distance of the Sun while it is up, deg. Mounts of every kind by dice, or of one.
+fn random_commands(
+    seeds: std::ops::Range<u64>,
+    [latitude_deg, longitude_deg]: [f64; 2],
+    kind: Option<Kind>,
+) -> Vec<(u64, u64, f64)> {
     let from = parse_utc("2026-01-01T00:00:00Z").unwrap();
-    let rows: Vec<(u64, u64, f64)> = seeds
+    seeds
         .into_par_iter()
         .map(|seed| {
             let mut dice = Dice(seed * 104_729 + 17);
             let epoch = from + dice.next() * 365.0 * Unit::Day;
             let axes =
                 if dice.next() < 0.5 { MountAxes::Equatorial } else { MountAxes::Horizontal };
-            let turns_over = axes == MountAxes::Equatorial && dice.next() < 0.5;
-            let site = site(48.78, 9.18);
+            let axes = if kind == Some(Kind::German) { MountAxes::Equatorial } else { axes };
+            let turns_over =
+                axes == MountAxes::Equatorial && (kind == Some(Kind::German) || dice.next() < 0.5);
+            let site = site(latitude_deg, longitude_deg);
             let cone = SunCone::default().with_pointing_deg(0.5);
-            let guard = Guard::new(&site, axes, turns_over, cone);
+            let guard = match kind {
+                Some(Kind::Unknown) => {
+                    let mut abilities =
+                        MountAbilities::new(MountAxes::Equatorial, MountRates::Absent);
+                    abilities.turns_about = None;
+                    Guard::of(&site, &abilities, cone)
+                }
+                _ => Guard::new(&site, axes, turns_over, cone),
+            };
             let observer = Observer::at(epoch, &site, EarthOrientation::embedded()).unwrap();
             let sighting = observer.sun().horizontal;
             let truth = sighting.east_north_up();
@@ -142,7 +202,7 @@ fn campaign_sun_cone() {
                 allowed += 1;
                 let fails = (dice.next() < 0.5).then(|| (dice.next() * way.len() as f64) as usize);
                 for (leg, to) in way.into_iter().enumerate() {
-                    let on_the_way = ways(here, to, axes, turns_over, &mut dice);
+                    let on_the_way = ways(here, to, (axes, turns_over), latitude_deg, &mut dice);
                     // The disc's upper limb is above the horizon: 16′ of radius, 34′ of refraction.
                     if sighting.altitude_deg() > -0.833 {
                         for x in &on_the_way {
@@ -159,15 +219,120 @@ fn campaign_sun_cone() {
             }
             (refused, allowed, least)
         })
-        .collect();
-    let refused: u64 = rows.iter().map(|row| row.0).sum();
-    let allowed: u64 = rows.iter().map(|row| row.1).sum();
-    let least = rows.iter().map(|row| row.2).fold(180.0, f64::min);
-    println!("{allowed} commands allowed, {refused} refused, least distance {least:.2}°");
-    assert!(least >= 30.0, "{least}");
-    assert!(allowed > refused, "{allowed} {refused}");
-    campaign.largest("inside", rows.iter().filter(|row| row.2 < 30.0).count() as f64);
-    campaign.finish();
+        .collect()
+}
+
+/// Truth: the virtual telescope's own tube, and the Sun by SOFA: a German mount in the south that is sent to random places by day, by the ways that the guard allows, turns over as its motors do and never
+/// looks within 30° of the Sun.
+#[test]
+fn a_southern_german_mount_never_looks_at_the_sun() {
+    use std::sync::Arc;
+    use std::time::Duration;
+    use sunglint_drivers::clock::{Clock as _, Deadline, DeviceClock, VirtualClock};
+    use sunglint_drivers::device::{Mount as _, MountMotion, PierSide};
+    use sunglint_observatory::telescope::TargetPath;
+    use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+
+    let site = site(-29.26, -70.73);
+    let earth = EarthOrientation::embedded();
+    let soon = || Deadline::within(Duration::from_secs(1));
+    // In summer the Sun stands on the pole's side of the sky, where the mount turns over; in winter ways are free.
+    for (night, least_ways) in [("2026-12-21T04:00:00Z", 0), ("2026-06-21T05:00:00Z", 60)] {
+        let start = parse_utc(night).unwrap();
+        let hand = VirtualClock::new();
+        let clock = DeviceClock { clock: Arc::new(hand.clone()), zero_utc: Some(start) };
+        let options = TelescopeOptions::default().with(|o| {
+            (o.axes, o.past_meridian_deg) = (MountAxes::Equatorial, Some(10.0));
+            (o.site_deg, o.fastest_deg_s, o.frame_s) = ([-29.26, -70.73], 4.0, 1e9);
+        });
+        let telescope = Telescope::new(options, clock.clone(), Arc::new(|_| None)).with_history();
+        let mut mount = telescope.mount();
+        let cone = SunCone::default().with_pointing_deg(1.0);
+        let guard = Guard::of(&site, mount.abilities(), cone);
+        let path = || {
+            let span = (clock.utc(), 10.0);
+            TargetPath::fixed([0.0, 45.0], &site, earth, span, MountAxes::Equatorial).unwrap()
+        };
+        // By night to where the Sun does not come, and then it is day.
+        let dec_deg = if least_ways > 0 { -60.0 } else { 40.0 };
+        mount.begin_goto(path().place_of([-20.0, dec_deg], 0.0), &soon()).unwrap();
+        hand.sleep(Duration::from_secs(120));
+        mount.stop(&soon()).unwrap();
+        hand.sleep(Duration::from_secs(8 * 3600));
+        let mut dice = Dice(11);
+        let (mut went, mut least, mut sides) = (0, 180.0_f64, [0, 0]);
+        for _ in 0..400 {
+            let (now, path) = (clock.utc(), path());
+            let reading = mount.reading(&soon()).unwrap();
+            let here = path.frame().to_enu(direction(path.angles_of(&reading)));
+            let Ok(way) = guard.way(here, dice.place(), now, 200.0) else { continue };
+            for leg in way {
+                let angle = angles(path.frame().of_enu(leg));
+                let now_s = path.time_s(clock.utc());
+                mount.begin_goto(path.place_of(angle, now_s), &soon()).unwrap();
+                for second in 0..200 {
+                    hand.sleep(Duration::from_secs(1));
+                    let reading = mount.reading(&soon()).unwrap();
+                    let observer = Observer::at(clock.utc(), &site, earth).unwrap();
+                    let sun = observer.sun().horizontal;
+                    let time_s = (clock.utc() - start).to_seconds();
+                    let looks = telescope.axes_at(time_s).unwrap().z_axis;
+                    if sun.altitude_deg() > -0.833 {
+                        least = least.min(angle_deg(looks, sun.east_north_up()));
+                    }
+                    if reading.motion != MountMotion::Slewing && second > 2 {
+                        let off = angle_deg(looks, leg);
+                        assert!(off < 1.5, "it looks {off}° beside its goal");
+                        sides[usize::from(reading.pier == Some(PierSide::West))] += 1;
+                        break;
+                    }
+                }
+                // It stands there: stars that are followed for hours would lead it elsewhere.
+                mount.stop(&soon()).unwrap();
+            }
+            went += 1;
+        }
+        println!("{night}: {went} ways, least distance {least:.2}°, {sides:?}");
+        assert!(went >= least_ways, "{went}");
+        assert!(least_ways == 0 || sides.iter().all(|side| *side > 20), "{sides:?}");
+        assert!(least > 30.0, "{least}");
+    }
+}
+
+/// Truth: the virtual telescope's own clock: one that is an hour off is refused, one within ten seconds is not; silence is no doubt. Its site may be 0.1° off, which is 24 s of sidereal time. A UTC that
+/// was told long ago is no fault; one that lies ahead is.
+#[test]
+fn a_mounts_time_is_held_against_ours() {
+    use std::sync::Arc;
+    use std::time::Duration;
+    use sunglint_drivers::clock::{Deadline, DeviceClock, VirtualClock};
+    use sunglint_drivers::device::{MountClock, MountTime};
+    use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+    let start = parse_utc("2026-11-23T20:00:00Z").unwrap();
+    let guard = Guard::new(&site(48.78, 9.18), MountAxes::Equatorial, true, SunCone::default());
+    let doubt = |off_s: f64, longitude_deg: f64| {
+        let clock = DeviceClock { clock: Arc::new(VirtualClock::new()), zero_utc: Some(start) };
+        let options = TelescopeOptions::default().with(|o| {
+            (o.axes, o.site_deg) = (MountAxes::Equatorial, [48.78, longitude_deg]);
+            o.clock_off_s = off_s;
+        });
+        let telescope = Telescope::new(options, clock, Arc::new(|_| None));
+        guard.doubt(&mut telescope.mount(), &Deadline::within(Duration::from_secs(1))).unwrap()
+    };
+    assert_eq!(doubt(0.0, 9.18), None);
+    assert_eq!(doubt(-8.0, 9.18), None);
+    assert_eq!(doubt(0.0, 9.28), None);
+    for off_s in [3600.0, -3600.0, 12.0] {
+        let Some(Danger::Time { off_s: found_s }) = doubt(off_s, 9.18) else { panic!("{off_s}") };
+        assert!((found_s - off_s).abs() < 2.0 + 0.003 * off_s.abs(), "{found_s}");
+    }
+    let told = |off_s: f64| {
+        let clock = MountClock::SetTo(start + off_s * Unit::Second);
+        guard.check_time(Some(MountTime { utc: start, clock }), None)
+    };
+    assert!(told(-7200.0).is_ok() && told(5.0).is_ok());
+    assert!(matches!(told(3600.0), Err(Danger::Time { .. })));
+    assert!(guard.check_time(None, None).is_ok());
 }
 
 /// Truth: with the Sun at −2° to −18° no place is refused for it (the figure).

@@ -13,8 +13,8 @@ use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::time::parse_utc;
 use sunglint_observatory::telescope::{
-    Guard, Order, Orders, SunCone, TargetPath, TrackError, TrackOptions, TrackState, TrackStep,
-    Tracker, angles,
+    Danger, Guard, Order, Orders, SunCone, TargetPath, TrackError, TrackOptions, TrackState,
+    TrackStep, Tracker, angles,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrames};
 use sunglint_radiometry::station::Horizon;
@@ -337,6 +337,86 @@ fn frames_count_only_where_the_side_is_known() {
         let led = went.steps.iter().any(|step| step.state == TrackState::Locked);
         assert_eq!((led, refused.is_empty()), (!german, !german), "{refused:?}");
     }
+}
+
+/// Truth: the virtual telescope's own: a fork whose driver makes a side of a pier up from the hour angle, as some do. Its camera does not turn over at the meridian, and the target is followed on.
+#[test]
+fn a_side_that_is_made_up_turns_no_camera_over() {
+    for (seed, pass, crosses) in over_the_meridian(40..70, 3) {
+        let made = german(seed).with(|o| (o.past_meridian_deg, o.makes_sides_up) = (None, true));
+        let (span, earth) = ((pass.from, pass.seconds), EarthOrientation::embedded());
+        let axes = MountAxes::Equatorial;
+        let path = TargetPath::new(&pass.orbit, &site(), earth, span, axes, false).unwrap();
+        let begins = angles(path.at(0.0).direction)[0];
+        let side = if begins < 0.0 { PierSide::West } else { PierSide::East };
+        let options = TrackOptions::default();
+        let went =
+            try_to_follow(&pass, [0.5, 10.0], (made, Some(side)), options, &mut |_, _, _| {});
+        let went = went.unwrap();
+        let late: Vec<_> = went.steps.iter().filter(|s| s.time_s > crosses - 30.0).collect();
+        let turns = late.windows(2).filter(|two| two[0].pier != two[1].pier).count();
+        assert_eq!(turns, 1, "{seed}");
+        let after = went.rms(60.0 + crosses + 30.0, 60.0 + pass.seconds);
+        println!("{seed}: rms {after:.2}″ after the meridian");
+        assert!(after < 5.0, "{seed}: {after}");
+    }
+}
+
+/// Truth: the same orbit on a longer path, and plain arithmetic: beyond its ends a path goes on along the orbit, where a straight line would be degrees beside it; a path that is late stands at the same
+/// angles so much later, at right ascensions of that time.
+#[test]
+fn a_path_goes_on_beyond_its_ends() {
+    let pass = pass([400.0, 600.0], [60.0, 80.0], &mut Dice(3));
+    let earth = EarthOrientation::embedded();
+    let middle = pass.from + 0.5 * pass.seconds * Unit::Second;
+    let of = |from: Epoch, seconds: f64| {
+        let span = (from, seconds);
+        TargetPath::new(&pass.orbit, &site(), earth, span, MountAxes::Equatorial, true).unwrap()
+    };
+    let long = of(middle - 60.0 * Unit::Second, 140.0);
+    let short = of(middle, 20.0);
+    assert_eq!(short.seconds(), 20.0);
+    for time_s in [-58.3, -30.0, -0.2, 0.0, 12.3, 20.0, 21.1, 78.0] {
+        let (a, b) = (short.at(time_s), long.at(time_s + 60.0));
+        let off = a.direction.angle_between(b.direction).to_degrees() * 3600.0;
+        assert!(off < 0.01, "{time_s}: {off}″");
+        assert!((a.per_s - b.per_s).length() < 1e-8);
+    }
+    let (late, then) = (short.clone().later(30.0), of(middle + 30.0 * Unit::Second, 20.0));
+    assert_eq!(late.from(), then.from());
+    assert_eq!(late.at(5.0), short.at(5.0));
+    assert!((late.sidereal_deg(7.0) - then.sidereal_deg(7.0)).abs() < 1e-4);
+}
+
+/// Truth: the altitude that the mount says: a path that sinks below the lowest altitude is left five seconds after it is known, three seconds ahead, that it will be half a degree lower.
+#[test]
+fn a_target_that_sinks_too_low_is_left() {
+    let pass = pass([600.0, 1200.0], [35.0, 65.0], &mut Dice(5));
+    let (earth, axes) = (EarthOrientation::embedded(), MountAxes::Horizontal);
+    let half_s = 0.5 * pass.seconds;
+    let from = pass.from + half_s * Unit::Second;
+    let path = TargetPath::new(&pass.orbit, &site(), earth, (from, half_s), axes, false).unwrap();
+    let clock = DeviceClock {
+        clock: Arc::new(VirtualClock::new()),
+        zero_utc: Some(from - 60.0 * Unit::Second),
+    };
+    let telescope = Telescope::new(TelescopeOptions::default(), clock.clone(), Arc::new(|_| None));
+    let cone = SunCone::default().with_limit_deg(0.0).with_pointing_deg(0.0);
+    let least_deg = 22.0;
+    let guard = Guard::new(&site(), axes, false, cone).with_horizon(Horizon::Flat(0.0), least_deg);
+    let mut mount = telescope.mount();
+    let mut options = TrackOptions::default();
+    options.watch_clock = false;
+    let mut steps: Vec<TrackStep> = Vec::new();
+    let mut tracker = Tracker::new(&path, &guard, &mut mount, None, clock, options);
+    let ended = tracker.run(&Cancel::new(), &mut |step| {
+        steps.push(*step);
+        ControlFlow::Continue(())
+    });
+    assert!(matches!(ended, Err(TrackError::Danger(Danger::Low { .. }))), "{ended:?}");
+    let last = steps.last().unwrap();
+    let then = |s: f64| path.altitude_deg(last.time_s + s) - (least_deg - 0.5);
+    assert!(then(0.5) < 0.0 && then(-2.5) > 0.0, "{:.2}", last.altitude_deg);
 }
 
 fn quantile(mut values: Vec<f64>, part: f64) -> f64 {

@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{
     Device, DeviceError, Finder, FinderFrame, Identity, Mount, MountAbilities, MountAxes,
-    MountMotion, MountPlace, MountRates, MountReading, MountSite, Origin, PierSide, Setting, Spot,
-    Value,
+    MountClock, MountKnown, MountMotion, MountPlace, MountRates, MountReading, MountSite,
+    MountTime, Origin, PierSide, Setting, Spot, Value,
 };
 
 const DEVICE: &str = "virtual mount";
@@ -42,6 +42,10 @@ pub struct TelescopeOptions {
     pub hides_turn: bool,
     /// A German mount that says east where others say west.
     pub swaps_names: bool,
+    /// A fork that says the side of a pier which its driver makes up from the hour angle; only with equatorial axes.
+    pub makes_sides_up: bool,
+    /// By how much its own clock is ahead of UTC, s.
+    pub clock_off_s: f64,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,
     /// Strongest acceleration, deg/s².
@@ -91,6 +95,8 @@ impl Default for TelescopeOptions {
             turns_itself: false,
             hides_turn: false,
             swaps_names: false,
+            makes_sides_up: false,
+            clock_off_s: 0.0,
             fastest_deg_s: 10.0,
             acceleration_deg_s2: 10.0,
             motor_s: 0.05,
@@ -120,6 +126,11 @@ impl TelescopeOptions {
         let past = self.past_meridian_deg.filter(|_| self.axes == MountAxes::Equatorial)?;
         let past = past.to_radians();
         Some([-past, std::f64::consts::PI + past])
+    }
+
+    /// Turn of the second motor over the elevated pole to the same declination on the other side, less twice that declination: half a circle, rad.
+    fn over_rad(&self) -> f64 {
+        std::f64::consts::PI.copysign(self.site_deg[0])
     }
 
     /// Sets each option by what a closure does to the defaults.
@@ -279,7 +290,7 @@ impl Telescope {
         let rates = MountRates::Continuous { most_deg_s: [most, most] };
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
-        abilities.tells_pier_side = tube.options.span_rad().is_some();
+        abilities.tells_pier_side = tube.side().is_some();
         abilities.is_fork = !abilities.tells_pier_side;
         abilities.tells_tracking = tube.options.axes == MountAxes::Equatorial;
         drop(tube);
@@ -448,7 +459,8 @@ impl Tube {
             let [first, second] = self.motors.map(|motor| motor.angle);
             let first = if first > most { first - half } else { first + half };
             (self.own_turn, self.following_stars) = (true, true);
-            (self.motors[0].goal, self.motors[1].goal) = (Some(first), Some(half - second));
+            let second = options.over_rad() - second;
+            (self.motors[0].goal, self.motors[1].goal) = (Some(first), Some(second));
         }
         let options = &self.options;
         self.own_turn &= self.motors.iter().any(|motor| motor.goal.is_some());
@@ -576,12 +588,26 @@ impl Tube {
     /// Greenwich sidereal time by the Almanac's linear formula, and the longitude, rad: for a mount that speaks of right ascension.
     fn sidereal(&self) -> f64 {
         let days = self.clock.utc().to_mjd_utc_days() - 51_544.5;
-        (280.460_618_37 + 360.985_647_366_29 * days + self.options.site_deg[1]).to_radians()
+        let right = 280.460_618_37 + 360.985_647_366_29 * days + self.options.site_deg[1];
+        right.to_radians() + self.options.clock_off_s * EARTH_RAD_S
     }
 
-    /// Whether the tube of a German mount hangs west of its pier: beyond the pole of the second axis.
+    /// Whether the tube of a German mount hangs west of its pier: beyond the elevated pole of the second axis.
     fn is_turned(&self) -> bool {
-        self.options.span_rad().is_some() && self.motors[1].angle > std::f64::consts::FRAC_PI_2
+        let towards_pole = self.motors[1].angle * self.options.over_rad().signum();
+        self.options.span_rad().is_some() && towards_pole > std::f64::consts::FRAC_PI_2
+    }
+
+    /// Side of the pier that it says.
+    fn side(&self) -> Option<PierSide> {
+        if self.options.makes_sides_up && self.options.axes == MountAxes::Equatorial {
+            let half = std::f64::consts::PI;
+            let hour_angle = (self.motors[0].angle + half).rem_euclid(2.0 * half) - half;
+            return Some(if hour_angle < 0.0 { PierSide::West } else { PierSide::East });
+        }
+        self.options.span_rad()?;
+        let west = self.is_turned() != self.options.swaps_names;
+        Some(if west { PierSide::West } else { PierSide::East })
     }
 
     fn moving(&self) -> bool {
@@ -616,6 +642,10 @@ impl Mount for VirtualMount {
         &self.abilities
     }
 
+    fn know(&mut self, known: &MountKnown) {
+        self.abilities.know(known);
+    }
+
     fn reading(&mut self, _: &Deadline) -> Result<MountReading, DeviceError> {
         let mut tube = self.tube.lock();
         tube.advance();
@@ -623,7 +653,7 @@ impl Mount for VirtualMount {
         let noise = [noise * tube.normal(), noise * tube.normal()];
         let mut angle = [0, 1].map(|i| tube.motors[i].angle + noise[i]);
         if tube.is_turned() {
-            angle = [angle[0] - std::f64::consts::PI, std::f64::consts::PI - angle[1]];
+            angle = [angle[0] - std::f64::consts::PI, tube.options.over_rad() - angle[1]];
         }
         // The motors stand at their last step, not at the clock's time.
         let utc = tube.start + tube.now_s * Unit::Second;
@@ -650,11 +680,7 @@ impl Mount for VirtualMount {
         } else {
             MountMotion::Still
         };
-        let pier =
-            tube.options.span_rad().map(|_| match tube.is_turned() != tube.options.swaps_names {
-                true => PierSide::West,
-                false => PierSide::East,
-            });
+        let pier = tube.side();
         Ok(MountReading { utc, place, pier, motion })
     }
 
@@ -688,7 +714,7 @@ impl Mount for VirtualMount {
             // Hour angle from the east by the south to the west.
             let hour_angle = (goal[0] + half).rem_euclid(turn) - half;
             (first, goal[1]) = match hour_angle < 0.0 {
-                true => (hour_angle + half, half - goal[1]),
+                true => (hour_angle + half, tube.options.over_rad() - goal[1]),
                 false => (hour_angle, goal[1]),
             };
         }
@@ -709,7 +735,7 @@ impl Mount for VirtualMount {
         Ok(())
     }
 
-    fn learn_senses(&mut self, _: &Deadline) -> Result<(), DeviceError> {
+    fn learn_senses(&mut self, _: &dyn Fn(), _: &Deadline) -> Result<(), DeviceError> {
         let mut tube = self.tube.lock();
         tube.advance();
         self.learnt = Some(tube.is_turned());
@@ -758,6 +784,12 @@ impl Mount for VirtualMount {
     fn site(&mut self, _: &Deadline) -> Result<Option<MountSite>, DeviceError> {
         let [latitude_deg, longitude_deg] = self.tube.lock().options.site_deg;
         Ok(Some(MountSite { latitude_deg, longitude_deg, height_m: 0.0 }))
+    }
+
+    fn time(&mut self, _: &Deadline) -> Result<Option<MountTime>, DeviceError> {
+        let tube = self.tube.lock();
+        let clock = MountClock::SiderealDeg(tube.sidereal().to_degrees().rem_euclid(360.0));
+        Ok(Some(MountTime { utc: tube.clock.utc(), clock }))
     }
 
     fn set_site(&mut self, site: MountSite, _: Epoch, _: &Deadline) -> Result<(), DeviceError> {

@@ -1,11 +1,11 @@
 //! A telescope mount.
 
-use super::answer::PARKED;
+use super::answer::{Fail, PARKED};
 use super::session::{Place, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
-    self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountMotion, MountPlace,
-    MountRates, MountReading, MountSite, PierSide, Setting,
+    self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountClock, MountKnown,
+    MountMotion, MountPlace, MountRates, MountReading, MountSite, MountTime, PierSide, Setting,
 };
 use crate::transport::{Bytes, TransportError};
 use hifitime::Epoch;
@@ -43,6 +43,20 @@ impl Default for MountSettings {
     }
 }
 
+/// Readings in a row in which a mount that has rates does not say that it moves, though it said so at these rates before: somebody stopped it.
+const STANDS: u32 = 2;
+
+/// Rates in force, and what `Slewing` says of them.
+#[derive(Debug, Clone, Copy, Default)]
+struct Turning {
+    /// Rates in the axes of the sky, deg/s.
+    deg_s: [f64; 2],
+    /// The faster of the two that were sent, deg/s.
+    fastest_deg_s: f64,
+    /// Readings in a row in which it did not say that it moves.
+    silent: u32,
+}
+
 /// A place that the mount was sent to.
 #[derive(Debug, Clone, Copy)]
 struct Goal {
@@ -57,7 +71,7 @@ struct Goal {
 /// A telescope mount of an Alpaca server.
 ///
 /// Rates go through `MoveAxis`, with `Tracking` off, so that they count against the ground. ASCOM does not say which way an axis turns: it is tried by a short move.
-/// While the axes move, mounts say that they slew: what they say counts after a goto only, and there it is held against where they stand.
+/// While the axes move, mounts say that they slew: after a goto that is held against where they stand. One that said so of its rates and says it no more was stopped.
 #[derive(Debug)]
 pub struct Mount<T> {
     session: Session<T>,
@@ -66,10 +80,11 @@ pub struct Mount<T> {
     /// Senses of the axes, and the side of the pier on which they were found.
     senses: Option<([f64; 2], Option<PierSide>)>,
     pier: Option<PierSide>,
-    /// Rates that are in force, deg/s in the axes of the sky.
-    rates: Option<[f64; 2]>,
+    /// Rates that are in force.
+    rates: Option<Turning>,
+    /// Slowest rate at which it said that it slews, deg/s: not every mount says so of every rate.
+    says_from_deg_s: f64,
     goal: Option<Goal>,
-    least_deg_s: [f64; 2],
 }
 
 fn wrapped(deg: f64) -> f64 {
@@ -104,7 +119,7 @@ impl<T: Bytes> Mount<T> {
     ) -> Result<Self, DeviceError> {
         let mut session =
             Session::open(line, place, [DEVICE, "telescope"], settings.session, deadline)?;
-        let (abilities, least_deg_s) = abilities(&mut session, deadline)?;
+        let abilities = abilities(&mut session, deadline)?;
         Ok(Self {
             session,
             settings,
@@ -112,8 +127,8 @@ impl<T: Bytes> Mount<T> {
             senses: None,
             pier: None,
             rates: None,
+            says_from_deg_s: f64::INFINITY,
             goal: None,
-            least_deg_s,
         })
     }
 
@@ -136,7 +151,7 @@ impl<T: Bytes> Mount<T> {
         let b = self.session.number(second, [-90.001, 90.001], deadline)?;
         let ended = utc_now();
         let later_s = (0.5 * (ended - begun)).to_seconds();
-        let b = (b - self.rates.map_or(0.0, |rates| rates[1] * later_s)).clamp(-90.0, 90.0);
+        let b = (b - self.rates.map_or(0.0, |rates| rates.deg_s[1] * later_s)).clamp(-90.0, 90.0);
         let place = if equatorial {
             MountPlace::Equatorial { ra_deg: (a * 15.0).rem_euclid(360.0), dec_deg: b }
         } else {
@@ -157,6 +172,23 @@ impl<T: Bytes> Mount<T> {
         Ok(())
     }
 
+    /// Motion of a mount that has rates. Somebody else may have parked it, or stopped it.
+    fn turning(&mut self, deadline: &Deadline) -> Result<MountMotion, DeviceError> {
+        let slewing = self.session.flag("slewing", deadline)?;
+        if !slewing && self.abilities.parks && self.session.flag("atpark", deadline)? {
+            self.rates = None;
+            return Ok(MountMotion::Parked);
+        }
+        let says_from_deg_s = self.says_from_deg_s;
+        let Some(turning) = &mut self.rates else { return Ok(MountMotion::Still) };
+        if slewing && turning.fastest_deg_s > 0.0 {
+            self.says_from_deg_s = says_from_deg_s.min(turning.fastest_deg_s);
+        }
+        let stands = !slewing && turning.fastest_deg_s >= says_from_deg_s;
+        turning.silent = if stands { turning.silent.saturating_add(1) } else { 0 };
+        Ok(if turning.silent >= STANDS { MountMotion::Still } else { MountMotion::Tracking })
+    }
+
     /// Motion as the mount says it, held against where it stands after a goto.
     fn motion(
         &mut self,
@@ -164,7 +196,7 @@ impl<T: Bytes> Mount<T> {
         deadline: &Deadline,
     ) -> Result<MountMotion, DeviceError> {
         if self.rates.is_some() {
-            return Ok(MountMotion::Tracking);
+            return self.turning(deadline);
         }
         if self.abilities.parks && self.session.flag("atpark", deadline)? {
             self.goal = None;
@@ -271,7 +303,7 @@ impl<T: Bytes> Mount<T> {
         } else {
             self.session.put_once("moveaxis", &parameters, deadline)
         };
-        put.map_err(|fail| fail.error(DEVICE, &format!("{deg_s} deg/s of axis {axis}")))
+        put.map_err(|fail| taken_or(fail, &format!("{deg_s} deg/s of axis {axis}")))
     }
 
     fn move_axes(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
@@ -292,7 +324,7 @@ impl<T: Bytes> Mount<T> {
     }
 
     /// Moves both axes there and back, and gives the senses.
-    fn try_axes(&mut self, deadline: &Deadline) -> Result<[f64; 2], DeviceError> {
+    fn try_axes(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<[f64; 2], DeviceError> {
         let (rate, time) = self.settings.test_move;
         let most = self.abilities.continuous_deg_s().unwrap_or_default();
         let slept = |expired| DeviceError::expired(DEVICE, "a short move", expired);
@@ -300,15 +332,21 @@ impl<T: Bytes> Mount<T> {
         let near_pole = both(start.1)[1] > 80.0;
         let (first, second) = (rate.min(most[0]), rate.min(most[1]));
         let rates = [first, if near_pole { -second } else { second }];
+        beat();
         self.move_axes(rates, deadline)?;
         // The first part of the move is the mount's own: delay and acceleration.
         deadline.sleep(time / 2).map_err(slept)?;
+        beat();
         let a = self.place(deadline)?;
         deadline.sleep(time).map_err(slept)?;
+        beat();
         let b = self.place(deadline)?;
+        beat();
         self.move_axes(rates.map(|rate| -rate), deadline)?;
         deadline.sleep(time + time / 2).map_err(slept)?;
+        beat();
         self.move_axes([0.0; 2], deadline)?;
+        beat();
         let found = self.rate_between(a, b);
         let mut senses = [1.0; 2];
         for axis in 0..2 {
@@ -325,6 +363,15 @@ impl<T: Bytes> Mount<T> {
     }
 }
 
+/// The error of a command. A mount that is parked was parked by somebody else.
+fn taken_or(fail: Fail, request: &str) -> DeviceError {
+    if fail.has_code(PARKED) {
+        let what = "the mount was parked by somebody else";
+        return DeviceError::Taken { device: DEVICE, what };
+    }
+    fail.error(DEVICE, request)
+}
+
 fn not_there(asked: MountPlace, got: MountPlace) -> DeviceError {
     let words = |place| {
         let [first, second] = both(place);
@@ -334,14 +381,15 @@ fn not_there(asked: MountPlace, got: MountPlace) -> DeviceError {
     DeviceError::NotTaken { device: DEVICE, name: "place, deg", asked, got }
 }
 
-/// Asks what it can do: abilities, and the least rate of each axis.
+/// Asks what it can do.
 fn abilities<T: Bytes>(
     session: &mut Session<T>,
     deadline: &Deadline,
-) -> Result<(MountAbilities, [f64; 2]), DeviceError> {
+) -> Result<MountAbilities, DeviceError> {
     // ASCOM: 0 azimuth and altitude, 1 polar, 2 German.
     let alignment = session.optional("alignmentmode", deadline)?.and_then(|v| v.as_i64());
     let axes = if alignment == Some(0) { MountAxes::Horizontal } else { MountAxes::Equatorial };
+    let turns_about = matches!(alignment, Some(0..=2)).then_some(axes);
     if axes == MountAxes::Equatorial {
         // ASCOM: 0 other, 1 of date, 2 J2000, 3 J2050, 4 B1950.
         let system = session.optional("equatorialsystem", deadline)?;
@@ -384,10 +432,7 @@ fn abilities<T: Bytes>(
         let slowest = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
         least[axis] = slowest;
         most[axis] = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
-        let mut sorted = ranges.clone();
-        sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let gapless = sorted.windows(2).all(|pair| pair[1][0] <= pair[0][1] * 1.0001);
-        continuous &= slowest <= SLOWEST_DEG_S && gapless;
+        continuous &= slowest <= SLOWEST_DEG_S && is_gapless(&ranges);
         if axis == 0 {
             steps = ranges.iter().map(|range| range[1]).collect();
             steps.sort_by(f64::total_cmp);
@@ -406,17 +451,32 @@ fn abilities<T: Bytes>(
     // A mount that is no German one may answer with a side that never changes.
     let tells_pier_side = alignment == Some(2)
         && session.optional("sideofpier", deadline)?.and_then(|v| v.as_i64()).is_some();
-    let abilities = MountAbilities {
+    let refracts = session.optional("doesrefraction", deadline)?.and_then(|v| v.as_bool());
+    Ok(MountAbilities {
         axes,
+        turns_about,
         rates,
+        least_deg_s: least,
         parks,
         syncs,
         tells_pier_side,
         is_fork: alignment == Some(1),
         tells_tracking,
+        refracts,
         altitude_deg: None,
-    };
-    Ok((abilities, least))
+    })
+}
+
+/// Whether ranges of rates leave no rate between them out.
+fn is_gapless(ranges: &[[f64; 2]]) -> bool {
+    let mut sorted = ranges.to_vec();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut up_to = sorted.first().map_or(0.0, |range| range[1]);
+    sorted.iter().all(|[least, most]| {
+        let follows = *least <= up_to * 1.0001;
+        up_to = up_to.max(*most);
+        follows
+    })
 }
 
 /// Ranges of rates, deg/s, at most 100; none where they make no sense.
@@ -446,6 +506,10 @@ impl<T: Bytes> device::Mount for Mount<T> {
         &self.abilities
     }
 
+    fn know(&mut self, known: &MountKnown) {
+        self.abilities.know(known);
+    }
+
     fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
         let (utc, place) = self.place(deadline)?;
         let motion = self.motion(place, deadline)?;
@@ -464,7 +528,7 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let member = if equatorial { "slewtocoordinatesasync" } else { "slewtoaltazasync" };
         let put = self.session.put_once(member, &Self::form(place), deadline);
         let [first, second] = both(place);
-        put.map_err(|fail| fail.error(DEVICE, &format!("to go to {first:.4}, {second:.4} deg")))?;
+        put.map_err(|fail| taken_or(fail, &format!("to go to {first:.4}, {second:.4} deg")))?;
         self.goal = Some(Goal { place, since: deadline.now(), slewed: false, last: None });
         Ok(())
     }
@@ -491,7 +555,7 @@ impl<T: Bytes> device::Mount for Mount<T> {
         self.track(on, deadline)
     }
 
-    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+    fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError> {
         self.senses = None;
         if self.abilities.continuous_deg_s().is_none() {
             let reason = "it takes no continuous rates (MoveAxis): send it to places";
@@ -499,9 +563,10 @@ impl<T: Bytes> device::Mount for Mount<T> {
         }
         // Rates count against the ground then.
         self.track(false, deadline)?;
+        beat();
         self.read_pier(deadline)?;
-        self.rates = Some([0.0; 2]);
-        let senses = self.try_axes(deadline).inspect_err(|_| {
+        self.rates = Some(Turning::default());
+        let senses = self.try_axes(beat, deadline).inspect_err(|_| {
             let _ = device::Mount::stop(self, &deadline.grace(Duration::from_secs(2)));
         })?;
         // Where it turned over meanwhile, what was found holds on neither side.
@@ -526,18 +591,11 @@ impl<T: Bytes> device::Mount for Mount<T> {
                 return Err(DeviceError::OutOfRange { name, asked, least: -most, most });
             }
         }
-        let rates = [0, 1].map(|axis| {
-            // Less than its slowest rate, at most 1 arcsec/s, is the nearer of that and none.
-            let (rate, least) = (deg_s[axis], self.least_deg_s[axis]);
-            let size = match rate.abs() {
-                size if size >= least => size,
-                size if size >= 0.5 * least && size > 0.0 => least,
-                _ => 0.0,
-            };
-            senses[axis] * size.copysign(rate)
-        });
+        let rates = [0, 1].map(|axis| senses[axis] * self.abilities.taken_deg_s(axis, deg_s[axis]));
         self.goal = None;
-        self.rates = Some(deg_s);
+        let fastest_deg_s = rates[0].abs().max(rates[1].abs());
+        let silent = self.rates.map_or(0, |turning| turning.silent);
+        self.rates = Some(Turning { deg_s, fastest_deg_s, silent });
         self.move_axes(rates, deadline)
     }
 
@@ -604,6 +662,14 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let within = (-180.0..=180.0).contains(&longitude_deg);
         let longitude_deg = if within { longitude_deg } else { wrapped(longitude_deg) };
         Ok(Some(MountSite { latitude_deg, longitude_deg, height_m: height?.unwrap_or(0.0) }))
+    }
+
+    fn time(&mut self, deadline: &Deadline) -> Result<Option<MountTime>, DeviceError> {
+        let begun = utc_now();
+        let hours = self.session.optional_number("siderealtime", deadline)?;
+        let utc = begun + 0.5 * (utc_now() - begun);
+        let clock = |hours: f64| MountClock::SiderealDeg((hours * 15.0).rem_euclid(360.0));
+        Ok(hours.map(|hours| MountTime { utc, clock: clock(hours) }))
     }
 
     fn set_site(

@@ -55,10 +55,14 @@ impl PierSide {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MountAbilities {
-    /// The axes in which rates are given.
+    /// The axes in which places and rates are given.
     pub axes: MountAxes,
+    /// Axes about which it really turns; `None` where nobody says. A mount of azimuth and altitude may take right ascension and declination.
+    pub turns_about: Option<MountAxes>,
     /// The rates that it takes.
     pub rates: MountRates,
+    /// Slowest rate of each axis other than none, deg/s: a slower one is sent as the nearer of the two.
+    pub least_deg_s: [f64; 2],
     /// Whether it can be parked.
     pub parks: bool,
     /// Whether it can be told where it points.
@@ -69,6 +73,8 @@ pub struct MountAbilities {
     pub is_fork: bool,
     /// Whether it says after a goto to an equatorial place that it follows the stars. One that then stands still was stopped.
     pub tells_tracking: bool,
+    /// Whether its own software lifts places by refraction; `None` if it does not say.
+    pub refracts: Option<bool>,
     /// Lowest and highest altitude to which it goes, deg, where it says so.
     pub altitude_deg: Option<[f64; 2]>,
 }
@@ -78,19 +84,51 @@ impl MountAbilities {
     pub fn new(axes: MountAxes, rates: MountRates) -> Self {
         Self {
             axes,
+            turns_about: Some(axes),
             rates,
+            least_deg_s: [0.0; 2],
             parks: false,
             syncs: false,
             tells_pier_side: false,
             is_fork: false,
             tells_tracking: false,
+            refracts: None,
             altitude_deg: None,
         }
     }
 
     /// Whether it may turn over at the meridian: every equatorial mount of which the contrary is not known.
     pub fn may_turn_over(&self) -> bool {
-        self.axes == MountAxes::Equatorial && !self.is_fork
+        let upright = self.turns_about == Some(MountAxes::Horizontal);
+        self.axes == MountAxes::Equatorial && !upright && !self.is_fork
+    }
+
+    /// Takes over what a person knows better than the driver.
+    pub fn know(&mut self, known: &MountKnown) {
+        self.turns_about = known.axes.or(self.turns_about);
+        match known.german {
+            Some(german) => self.is_fork = !german,
+            None => self.is_fork |= known.axes == Some(MountAxes::Horizontal),
+        }
+        self.tells_pier_side &= !self.is_fork;
+        if let (Some(limit), MountRates::Continuous { most_deg_s }) =
+            (known.most_deg_s, &mut self.rates)
+        {
+            *most_deg_s = most_deg_s.map(|most| most.min(limit));
+        }
+        if let Some(least) = known.least_deg_s {
+            self.least_deg_s = self.least_deg_s.map(|own| own.max(least));
+        }
+    }
+
+    /// A rate of an axis as the mount takes it, deg/s: one that is slower than its slowest is the nearer of that and none.
+    pub fn taken_deg_s(&self, axis: usize, deg_s: f64) -> f64 {
+        let (size, least) = (deg_s.abs(), self.least_deg_s[axis]);
+        match size {
+            size if size >= least => deg_s,
+            size if size >= 0.5 * least => least.copysign(deg_s),
+            _ => 0.0,
+        }
     }
 
     /// The largest rates of the two axes, deg/s; `None` without continuous rates.
@@ -100,6 +138,37 @@ impl MountAbilities {
             _ => None,
         }
     }
+}
+
+/// Facts about a mount that a person knows better than its driver.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MountKnown {
+    /// Axes about which it really turns.
+    pub axes: Option<MountAxes>,
+    /// Whether it is a German mount; false of a fork.
+    pub german: Option<bool>,
+    /// Fastest rate that its motors do, deg/s: some drivers publish more.
+    pub most_deg_s: Option<f64>,
+    /// Slowest rate other than none that it takes, deg/s.
+    pub least_deg_s: Option<f64>,
+}
+
+/// Time that a mount reckons with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountTime {
+    /// When it said so.
+    pub utc: Epoch,
+    /// Its clock.
+    pub clock: MountClock,
+}
+
+/// Clock of a mount.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MountClock {
+    /// Local sidereal time, deg.
+    SiderealDeg(f64),
+    /// UTC that it was told or began with: it may be old, but never ahead.
+    SetTo(Epoch),
 }
 
 /// Place on the sky, as mounts are told and tell it. Both are true (unrefracted) or not as the mount takes it: it is told what it should show.
@@ -193,6 +262,9 @@ pub trait Mount: Device {
     /// Abilities of the mount.
     fn abilities(&self) -> &MountAbilities;
 
+    /// Takes over what a person knows better than the driver; before the first motion.
+    fn know(&mut self, known: &MountKnown);
+
     /// Reads where it points. The call may wait for the mount's next report, so that the time is that of the place.
     ///
     /// # Errors
@@ -218,11 +290,11 @@ pub trait Mount: Device {
     fn set_tracking(&mut self, on: bool, deadline: &Deadline) -> Result<(), DeviceError>;
 
     /// Finds out which way the axes turn, by a short move where this has to be tried. To be called after each goto and before the first
-    /// [`set_rates`](Self::set_rates); it ends with rates of zero.
+    /// [`set_rates`](Self::set_rates); it ends with rates of zero. `beat` is called between its steps: it takes seconds, and a watchdog wants a sign of life.
     ///
     /// # Errors
     /// The mount does not move as it is told, or see [`DeviceError`].
-    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+    fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError>;
 
     /// Moves both axes at these rates from now on, deg/s: hour angle and declination, or azimuth and altitude, as the place grows. On another side of the pier than that on
     /// which the senses were learnt, rates other than zero are refused ([`DeviceError::NotReady`]).
@@ -248,6 +320,12 @@ pub trait Mount: Device {
     /// # Errors
     /// See [`DeviceError`].
     fn site(&mut self, deadline: &Deadline) -> Result<Option<MountSite>, DeviceError>;
+
+    /// Time that it reckons with; `None` if it says none.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn time(&mut self, deadline: &Deadline) -> Result<Option<MountTime>, DeviceError>;
 
     /// Tells it site and time.
     ///

@@ -5,13 +5,13 @@ use super::property::{Event, State, Vector};
 use super::session::{Kind, Session, SessionSettings, check_range};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
-    self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountMotion, MountPlace,
-    MountRates, MountReading, MountSite, PierSide, Setting,
+    self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountClock, MountKnown,
+    MountMotion, MountPlace, MountRates, MountReading, MountSite, MountTime, PierSide, Setting,
 };
 use crate::transport::{Bytes, TransportError};
 use hifitime::Epoch;
 use std::time::Duration;
-use sunglint_formats::time::format_utc;
+use sunglint_formats::time::{format_utc, parse_utc};
 
 const DEVICE: &str = "INDI telescope";
 const PLACE: &str = "EQUATORIAL_EOD_COORD";
@@ -24,7 +24,11 @@ const SIDEREAL: &str = "TRACK_SIDEREAL";
 const TRACK: &str = "TELESCOPE_TRACK_STATE";
 const PARK: &str = "TELESCOPE_PARK";
 const PIER: &str = "TELESCOPE_PIER_SIDE";
+/// Drivers of mounts that say no side make one up from the hour angle while this is on.
+const MADE_UP_PIER: (&str, &str) = ("SIMULATE_PIER_SIDE", "SIMULATE_YES");
 const SITE: &str = "GEOGRAPHIC_COORD";
+const SIDEREAL_TIME: &str = "TIME_LST";
+const TIME: &str = "TIME_UTC";
 const KIND: Kind =
     Kind { label: DEVICE, what: "telescope", interface: 1, required: &[PLACE, ABORT.0] };
 
@@ -32,6 +36,8 @@ const KIND: Kind =
 const NEAR_AFTER: Duration = Duration::from_millis(800);
 /// Time in which a mount has to say that it slews.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Time in which a clock that runs says another time.
+const RUNS_IN: Duration = Duration::from_millis(1500);
 /// Time of a call that is left to ask for the place.
 const TO_ASK: Duration = Duration::from_millis(150);
 
@@ -139,6 +145,12 @@ impl<T: Bytes> Mount<T> {
     }
 
     fn pier(&mut self) -> Option<PierSide> {
+        if !self.abilities.tells_pier_side
+            || self.is_on(MADE_UP_PIER.0, MADE_UP_PIER.1) == Some(true)
+        {
+            self.side = None;
+            return None;
+        }
         let now = |vector: &Vector| match (vector.is_on("PIER_EAST"), vector.is_on("PIER_WEST")) {
             (Some(true), Some(false)) => Some(PierSide::East),
             (Some(false), Some(true)) => Some(PierSide::West),
@@ -347,7 +359,15 @@ impl<T: Bytes> Mount<T> {
         if turns.contains(&true) {
             send([0, 1].map(|axis| if turns[axis] { 0.0 } else { last[axis] }))?;
         }
-        send(arcsec_s)?;
+        match send(arcsec_s) {
+            // Some drivers (older EQMOD) do not change the gear of an axis that turns: by way of zero they take the rate.
+            Err(DeviceError::Declined { .. }) => {
+                let changed = [0, 1].map(|axis| last[axis] != arcsec_s[axis]);
+                send([0, 1].map(|axis| if changed[axis] { 0.0 } else { last[axis] }))?;
+                send(arcsec_s)?;
+            }
+            done => done?,
+        }
         let tracks = self.is_on(TRACK, "TRACK_ON");
         if self.custom && tracks == Some(false) {
             return Err(DeviceError::Taken {
@@ -369,40 +389,53 @@ impl<T: Bytes> Mount<T> {
         Ok(())
     }
 
-    fn declination(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
+    /// When it stood there, and its declination.
+    fn declination(&mut self, deadline: &Deadline) -> Result<(Epoch, f64), DeviceError> {
         let now = device::Mount::reading(self, deadline)?;
         match now.place {
-            MountPlace::Equatorial { dec_deg, .. } => Ok(dec_deg),
+            MountPlace::Equatorial { dec_deg, .. } => Ok((now.utc, dec_deg)),
             MountPlace::Horizontal { .. } => Err(self.session.protocol("no declination".into())),
         }
     }
 
-    fn try_declination(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
+    /// Turns in declination there and back, and gives the sense. The rate is that between two places that the mount says while it turns: some say theirs once a second.
+    fn try_declination(
+        &mut self,
+        beat: &dyn Fn(),
+        deadline: &Deadline,
+    ) -> Result<f64, DeviceError> {
         let (rate, time) = self.settings.test_move;
-        let before = self.declination(deadline)?;
+        let slept = |expired: crate::clock::Expired| DeviceError::transport(DEVICE, expired.into());
+        let (_, before) = self.declination(deadline)?;
         // Away from a pole nearby; the stars are followed meanwhile.
         let rate = if before > 80.0 { -rate } else { rate };
+        beat();
         self.send_rates([SIDEREAL_ARCSEC_S, rate], deadline)?;
-        let slept = deadline.sleep(time);
-        let after = self.declination(deadline);
-        let back = self.send_rates([SIDEREAL_ARCSEC_S, -rate], deadline);
-        slept.map_err(|expired| DeviceError::transport(DEVICE, expired.into()))?;
-        back?;
-        deadline.sleep(time).map_err(|expired| DeviceError::transport(DEVICE, expired.into()))?;
+        let begun = deadline.now();
+        deadline.sleep(time / 2).map_err(slept)?;
+        beat();
+        let (from, first) = self.declination(deadline)?;
+        deadline.sleep(time).map_err(slept)?;
+        beat();
+        let (to, last) = self.declination(deadline)?;
+        beat();
+        let way = deadline.now().saturating_sub(begun);
+        self.send_rates([SIDEREAL_ARCSEC_S, -rate], deadline)?;
+        deadline.sleep(way).map_err(slept)?;
+        beat();
         self.send_rates([SIDEREAL_ARCSEC_S, 0.0], deadline)?;
-        let moved = (after? - before) * 3600.0;
-        let expected = rate * time.as_secs_f64();
-        if moved.abs() < 0.3 * expected.abs() || moved.abs() > 3.0 * expected.abs() {
-            let asked = format!("{expected:.0} arcsec in {:.1} s", time.as_secs_f64());
-            let got = format!("{moved:.1} arcsec");
+        beat();
+        let seconds = (to - from).to_seconds().max(1e-3);
+        let part = (last - first) * 3600.0 / seconds / rate;
+        if !(0.3..=3.0).contains(&part.abs()) {
             return Err(DeviceError::NotTaken {
                 device: DEVICE,
-                name: "move in declination",
-                asked,
-                got,
+                name: "rate in declination",
+                asked: format!("{rate:.0} arcsec/s"),
+                got: format!("{:.1} arcsec/s over {seconds:.1} s", part * rate),
             });
         }
-        Ok((moved / expected).signum())
+        Ok(part.signum())
     }
 }
 
@@ -416,15 +449,21 @@ fn abilities<T: Bytes>(session: &Session<T>) -> MountAbilities {
         MountRates::Continuous { most_deg_s: most }
     });
     let has = |name| session.property(name).is_some();
+    let made_up = session.property(MADE_UP_PIER.0).and_then(|vector| vector.is_on(MADE_UP_PIER.1));
+    let tells_pier_side = has(PIER) && made_up != Some(true);
     let has_mode = has(MODE) && has(TRACK);
     MountAbilities {
         axes: MountAxes::Equatorial,
+        // A side of the pier is that of an equatorial mount; of others nobody says.
+        turns_about: tells_pier_side.then_some(MountAxes::Equatorial),
+        least_deg_s: [0.0; 2],
         rates: rates.filter(|_| has_mode).unwrap_or(MountRates::Absent),
         parks: has(PARK),
         syncs: session.property("ON_COORD_SET").is_some_and(|v| v.member("SYNC").is_some()),
-        tells_pier_side: has(PIER),
+        tells_pier_side,
         is_fork: false,
         tells_tracking: has(TRACK),
+        refracts: None,
         altitude_deg: None,
     }
 }
@@ -443,6 +482,10 @@ impl<T: Bytes> Device for Mount<T> {
 impl<T: Bytes> device::Mount for Mount<T> {
     fn abilities(&self) -> &MountAbilities {
         &self.abilities
+    }
+
+    fn know(&mut self, known: &MountKnown) {
+        self.abilities.know(known);
     }
 
     fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
@@ -480,10 +523,10 @@ impl<T: Bytes> device::Mount for Mount<T> {
         self.switch(TRACK, if on { "TRACK_ON" } else { "TRACK_OFF" }, deadline)
     }
 
-    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+    fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError> {
         self.sense = None;
         let before = self.pier();
-        let sense = self.try_declination(deadline).inspect_err(|_| {
+        let sense = self.try_declination(beat, deadline).inspect_err(|_| {
             let _ = device::Mount::stop(self, &deadline.grace(self.settings.abort_within));
         })?;
         // Where it turned over meanwhile, what was found holds on neither side.
@@ -501,7 +544,8 @@ impl<T: Bytes> device::Mount for Mount<T> {
             let reason = "the sense of its declination is not known on this side of the pier: learn it after a goto";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         };
-        self.send_rates([deg_s[0] * 3600.0, deg_s[1] * sense * 3600.0], deadline)
+        let [first, second] = [0, 1].map(|axis| self.abilities.taken_deg_s(axis, deg_s[axis]));
+        self.send_rates([first * 3600.0, second * sense * 3600.0], deadline)
     }
 
     fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
@@ -564,17 +608,40 @@ impl<T: Bytes> device::Mount for Mount<T> {
         Ok(Some(MountSite { latitude_deg, longitude_deg, height_m: number("ELEV").unwrap_or(0.0) }))
     }
 
+    /// Sidereal time, where it runs; otherwise what it was told as UTC.
+    fn time(&mut self, deadline: &Deadline) -> Result<Option<MountTime>, DeviceError> {
+        let device = self.session.device.clone();
+        let soon = self.soon(deadline);
+        if let Some(before) = self.session.property(SIDEREAL_TIME).and_then(|v| v.number("LST")) {
+            let mut now = self.session.client.refresh(&device, SIDEREAL_TIME, &soon)?;
+            if now.number("LST") == Some(before) {
+                soon.sleep(RUNS_IN)
+                    .map_err(|expired| DeviceError::transport(DEVICE, expired.into()))?;
+                now = self.session.client.refresh(&device, SIDEREAL_TIME, &soon)?;
+            }
+            if let Some(hours) = now.number("LST").filter(|hours| *hours != before) {
+                let clock = MountClock::SiderealDeg((hours * 15.0).rem_euclid(360.0));
+                return Ok(Some(MountTime { utc: utc_now(), clock }));
+            }
+        }
+        let text = self.session.property(TIME).and_then(|vector| vector.text("UTC"));
+        // Drivers leave the Z out.
+        let set_to = text.map(|text| format!("{}Z", text.trim_end_matches('Z')));
+        let set_to = set_to.and_then(|text| parse_utc(&text).ok());
+        Ok(set_to.map(|set_to| MountTime { utc: utc_now(), clock: MountClock::SetTo(set_to) }))
+    }
+
     fn set_site(
         &mut self,
         site: MountSite,
         utc: Epoch,
         deadline: &Deadline,
     ) -> Result<(), DeviceError> {
-        if self.session.property("TIME_UTC").is_some() {
+        if self.session.property(TIME).is_some() {
             let soon = self.soon(deadline);
             let text = format_utc(utc, 0);
             let texts = [("UTC", text.trim_end_matches('Z')), ("OFFSET", "0")];
-            self.session.change("TIME_UTC", Wanted::Texts(&texts), &soon)?;
+            self.session.change(TIME, Wanted::Texts(&texts), &soon)?;
         }
         if self.session.property(SITE).is_some() {
             let soon = self.soon(deadline);

@@ -15,9 +15,12 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, SystemTime};
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
-    DeviceError, MountAbilities, MountAxes, MountRates, MountReading, MountSite,
+    DeviceError, MountAbilities, MountAxes, MountRates, MountReading, MountSite, MountTime,
 };
 
+/// A mount that lifts places by itself.
+pub(super) const REFRACTS: &str =
+    "its own software lifts places by refraction (DoesRefraction): the night leaves that to it";
 /// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
 const SETTLE_S: f64 = 10.0;
 
@@ -25,6 +28,7 @@ const SETTLE_S: f64 = 10.0;
 struct Said {
     abilities: MountAbilities,
     site: Option<MountSite>,
+    time: Option<MountTime>,
     reading: MountReading,
 }
 
@@ -39,8 +43,10 @@ fn ask(
     let ask = move || {
         let deadline = Deadline::within(within);
         let said = opener.mount(&plan, &deadline).and_then(|mut mount| {
-            let (site, reading) = (mount.site(&deadline)?, mount.reading(&deadline)?);
-            Ok(Said { abilities: plan.known(mount.abilities()), site, reading })
+            mount.know(&plan.known());
+            let (site, time) = (mount.site(&deadline)?, mount.time(&deadline)?);
+            let reading = mount.reading(&deadline)?;
+            Ok(Said { abilities: mount.abilities().clone(), site, time, reading })
         });
         let _ = sender.send(said);
     };
@@ -75,11 +81,11 @@ pub(crate) fn check_mount(
         },
     };
     // Of a mount that does not answer the rules of the strictest kind hold.
-    let unknown = (MountAxes::Equatorial, mount.german != Some(false));
-    let (axes, turns_over) =
-        said.as_ref().map_or(unknown, |said| (said.abilities.axes, said.abilities.may_turn_over()));
+    let mut strict = MountAbilities::new(MountAxes::Equatorial, MountRates::Absent);
+    strict.know(&mount.known());
+    let abilities = said.as_ref().map_or(&strict, |said| &said.abilities);
     let cone = SunCone::default().with_limit_deg(mount.sun_limit_deg());
-    let guard = Guard::new(&plan.station.site, axes, turns_over, cone)
+    let guard = Guard::of(&plan.station.site, abilities, cone)
         .with_horizon(plan.station.horizon.clone(), mount.min_elevation_deg());
     if let Some(said) = &said {
         match guard.check_site(said.site).err().filter(|_| !mount.set_site) {
@@ -90,6 +96,14 @@ pub(crate) fn check_mount(
                 found.warning(about, "it does not say at which site it believes to stand");
             }
             None => found.fine(about, "it is there, and its site is the station's"),
+        }
+        if let Err(danger) = guard.check_time(said.time, said.site)
+            && !mount.set_site
+        {
+            found.error(about, danger.to_string());
+        }
+        if said.abilities.refracts == Some(true) && mount.refraction {
+            found.warning(about, REFRACTS);
         }
         if said.abilities.continuous_deg_s().is_none() {
             let has = match said.abilities.rates {
@@ -129,7 +143,7 @@ pub(crate) fn check_mount(
             Weather::Fit => found.fine(about, "the weather is fit"),
         }
     }
-    check_visits(plan, mount, &guard, axes, said.as_ref(), options, found);
+    check_visits(plan, mount, &guard, abilities, said.as_ref(), options, found);
 }
 
 /// An equatorial mount that may turn over and does not say on which side it hangs.
@@ -159,13 +173,14 @@ fn check_visits(
     plan: &Plan,
     mount: &MountPlan,
     guard: &Guard,
-    axes: MountAxes,
+    abilities: &MountAbilities,
     said: Option<&Said>,
     options: &PreflightOptions,
     found: &mut Preflight,
 ) {
-    let plain = MountAbilities::new(axes, MountRates::Absent);
-    let abilities = said.map_or(&plain, |said| &said.abilities);
+    let refraction = mount.refraction && abilities.refracts != Some(true);
+    let mount = &MountPlan { refraction, ..mount.clone() };
+    let axes = abilities.axes;
     // Where the telescope stands when the visit before ends.
     let mut stands: Option<([f64; 2], Epoch)> = None;
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
@@ -192,7 +207,7 @@ fn check_visits(
             guard,
             abilities,
             from,
-            mount.past_meridian_deg(),
+            &mount.track_options(),
         );
         if let Some(why) = &pass.refused {
             found.error(&about, format!("the mount will not follow it: {why}"));

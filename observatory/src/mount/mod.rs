@@ -10,20 +10,21 @@ mod steer;
 pub use aim::{Aim, AimState, Ready, Waiting};
 pub(crate) use check::check_mount;
 pub use job::{Job, JobError, allowed};
-pub use plan::{MountPlan, View};
+pub use plan::{MountPlan, PlanAxes, View};
 pub use sights::Sights;
 pub use steer::{Steering, Want};
 
+use self::check::REFRACTS;
 use self::job::next_job;
 use self::plan::axes_word;
 use self::sights::CameraFinder;
 use crate::clock;
 use crate::schedule::Schedule;
 use crate::status::MountStatus;
-use crate::telescope::watchdog::Process;
+use crate::telescope::watchdog::{Process, Pulse};
 use crate::telescope::{
-    Certainty, Danger, Guard, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
-    TrackState, TrackStep, Tracker, Weather, WeatherFile, angles, direction, park,
+    Certainty, Danger, Guard, PARK_WITHIN, Parked, PassPlan, SunCone, TargetPath, TrackError,
+    TrackOptions, TrackState, TrackStep, Tracker, Weather, WeatherFile, angles, direction, park,
 };
 use crate::worker::{READY, SOON, Worker};
 use glam::DVec3;
@@ -37,7 +38,6 @@ use sunglint_drivers::device::{
     DeviceError, Finder, Mount, MountAbilities, MountAxes, MountMotion, MountSite,
 };
 use sunglint_formats::session::{Target, What};
-use sunglint_formats::toml::Positive;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 
@@ -160,9 +160,14 @@ impl MountWork {
         worker.opened(mount.as_mut())?;
         // A mount whose line broke may still go on at its last rate.
         halt(mount.as_mut(), &worker.within(SOON))?;
-        let abilities = self.plan.known(mount.abilities());
+        mount.know(&self.plan.known());
+        let abilities = mount.abilities().clone();
+        if abilities.refracts == Some(true) && self.plan.refraction {
+            self.plan.refraction = false;
+            worker.status.say(format!("{}: {REFRACTS}", worker.name));
+        }
         let cone = SunCone::default().with_limit_deg(self.plan.sun_limit_deg());
-        let guard = Guard::new(&self.station.site, abilities.axes, abilities.may_turn_over(), cone)
+        let guard = Guard::of(&self.station.site, &abilities, cone)
             .with_horizon(self.station.horizon.clone(), self.plan.min_elevation_deg());
         let mut dog = None;
         self.trust_clock_or_ask(worker);
@@ -186,17 +191,10 @@ impl MountWork {
         let done = self.follow_schedule(mount.as_mut(), &guard, &mut dog, worker);
         // The night is over, or the mount was lost: it does not go on turning by itself.
         let stopped = halt(mount.as_mut(), &worker.even_so(SOON));
-        match (dog.take(), &stopped) {
-            (Some(dog), Ok(())) => dog.done(),
+        if let Err(error) = &stopped {
+            self.tell(&format!("it could not be stopped over this connection: {error}"), worker);
             // It stops the mount over its own connection.
-            (dog, Err(error)) => {
-                self.tell(
-                    &format!("it could not be stopped over this connection: {error}"),
-                    worker,
-                );
-                drop(dog);
-            }
-            (None, Ok(())) => {}
+            drop(dog.take());
         }
         // After an error the mount is opened again at once; one that does not do what it is told is not moved.
         let orderly = match &done {
@@ -206,8 +204,10 @@ impl MountWork {
         };
         // What a person stopped is not moved by the night's end.
         if self.plan.park && stopped.is_ok() && orderly && self.hand.want() != Want::Stand {
-            // Parking ends by itself.
-            self.park(mount.as_mut(), &guard, None, worker);
+            self.park(mount.as_mut(), &guard, &mut dog, worker);
+        }
+        if let Some(dog) = dog {
+            dog.done();
         }
         done.and(stopped)
     }
@@ -259,8 +259,8 @@ impl MountWork {
             };
             mount.set_site(site, worker.clock.utc(), &worker.within(SOON))?;
         }
-        let site = mount.site(&worker.within(SOON))?;
-        match guard.check_site(site).err().filter(|_| is_real(worker)) {
+        let doubt = guard.doubt(mount, &worker.within(SOON))?;
+        match doubt.filter(|_| is_real(worker)) {
             Some(doubt) => Err(self.refuse(&doubt.to_string(), worker)),
             None => Ok(()),
         }
@@ -291,12 +291,9 @@ impl MountWork {
     ) -> Result<(), DeviceError> {
         let mut placed = false;
         while !worker.is_over() {
-            if let Some(dog) = dog.as_mut() {
-                dog.tick();
-                if !dog.watches() {
-                    let reason = "its watchdog has gone";
-                    return Err(DeviceError::NotReady { device: DEVICE, reason });
-                }
+            if dog.as_mut().is_some_and(|dog| dog.beat().is_break()) {
+                let reason = "its watchdog has gone";
+                return Err(DeviceError::NotReady { device: DEVICE, reason });
             }
             self.look_up(guard, worker);
             if !self.is_certain(worker) {
@@ -332,7 +329,7 @@ impl MountWork {
                     Want::Park => true,
                 };
                 if parks && !self.parked && is_due(&mut self.park_at, MINUTE, worker) {
-                    self.parked = self.park(mount, guard, dog.as_ref(), worker);
+                    self.parked = self.park(mount, guard, dog, worker);
                 }
                 self.keep_from_sun(mount, guard, dog, worker)?;
                 self.rest(worker);
@@ -381,7 +378,9 @@ impl MountWork {
         dog: &mut Option<Process>,
         worker: &mut Worker,
     ) -> Result<(), DeviceError> {
-        let abilities = self.plan.known(mount.abilities());
+        let abilities = mount.abilities().clone();
+        let pulse = dog.as_ref().map(Process::pulse);
+        let beat = || pulse.as_ref().map_or((), Pulse::tick);
         let now = worker.clock.utc();
         let path = match job.path(&self.plan, &self.station, abilities.axes, guard, now) {
             Ok(path) => path,
@@ -390,12 +389,12 @@ impl MountWork {
                 return Ok(());
             }
         };
+        beat();
         let stands = path.angles_of(&mount.reading(&worker.within(SOON))?);
+        beat();
         let name = &job.visit.target.name;
-        let plan = {
-            let past_deg = self.plan.past_meridian_deg();
-            PassPlan::new(name, &path, guard, &abilities, Some(stands), past_deg)
-        };
+        let mut options = self.track_options(worker);
+        let plan = PassPlan::new(name, &path, guard, &abilities, Some(stands), &options);
         if let Some(why) = &plan.refused {
             self.bar(job, why, worker);
             return Ok(());
@@ -416,10 +415,8 @@ impl MountWork {
             sights.clear();
             CameraFinder(sights.clone())
         });
-        let mut options = self.track_options(worker);
         options.unpark = std::mem::take(&mut self.may_unpark);
         options.estimator.frame_s = self.frame_s;
-        options.past_meridian_deg = self.plan.past_meridian_deg();
         options.latency_s = self.plan.latency_s.map_or(options.latency_s, |latency| latency.get());
         options.reach_arcsec = match (self.plan.reach_arcsec, &self.sights) {
             (Some(reach), _) => reach.get(),
@@ -430,8 +427,9 @@ impl MountWork {
         let clock = worker.clock.clone();
         self.hand.orders.clear();
         let hand = self.hand.clone();
-        let mut tracker =
-            Tracker::new(&path, guard, mount, finder, clock, options).steered_by(&hand.orders);
+        let mut tracker = Tracker::new(&path, guard, mount, finder, clock, options)
+            .steered_by(&hand.orders)
+            .beating(beat);
         let cancel = worker.cancel.clone();
         let axes = abilities.axes;
         let ended = tracker.run(&cancel, &mut |step| {
@@ -441,10 +439,7 @@ impl MountWork {
                 self.tell(&why, worker);
             }
             self.look_up(guard, worker);
-            let watched = dog.as_mut().is_none_or(|dog| {
-                dog.tick();
-                dog.watches()
-            });
+            let watched = dog.as_mut().is_none_or(|dog| dog.beat().is_continue());
             let goes_on = watched
                 && self.closed.is_none()
                 && hand.want() == Want::Follow
@@ -590,17 +585,12 @@ impl MountWork {
 
     /// How the mount is moved, whatever the target is.
     fn track_options(&self, worker: &Worker) -> TrackOptions {
-        TrackOptions {
-            watch_clock: worker.clock.is_live(),
-            slew_within_s: self.plan.slew_within_s(),
-            slew_deg_s: self.plan.slew_deg_s.map(Positive::get),
-            german: self.plan.german != Some(false),
-            unpark: false,
-            ..TrackOptions::default()
-        }
+        let mut options = self.plan.track_options();
+        options.watch_clock = worker.clock.is_live();
+        options
     }
 
-    /// Holds a mount that stands against the Sun of now and of ten minutes later, every five seconds: it is moved to a place far from it, or that is said each minute.
+    /// Holds a mount that stands against the Sun of now and of ten minutes later (or of twice the time that a slew may take), every five seconds: it is moved to a place far from it, or that is said each minute.
     fn keep_from_sun(
         &mut self,
         mount: &mut dyn Mount,
@@ -627,7 +617,8 @@ impl MountWork {
         let [azimuth, altitude] = angles(here);
         let sun = guard.sun_distance_deg(here, utc);
         self.at_deg = Some(([azimuth.rem_euclid(360.0), altitude], sun));
-        let later = utc + AHEAD_MIN * Unit::Minute;
+        // The way has to be free of the Sun for as long as a slew may take, and the telescope has to be gone before.
+        let later = utc + (AHEAD_MIN * 60.0).max(2.0 * self.plan.slew_within_s()) * Unit::Second;
         let Some(danger) = [utc, later].iter().find_map(|at| guard.check_sun(here, *at).err())
         else {
             self.sun_told = None;
@@ -658,13 +649,12 @@ impl MountWork {
         };
         self.tell(&format!("{near}; it is moved away"), worker);
         let (options, clock) = (self.track_options(worker), worker.clock.clone());
-        let mut tracker = Tracker::new(&path, guard, mount, None, clock, options);
+        let pulse = dog.as_ref().map(Process::pulse);
+        let mut tracker = Tracker::new(&path, guard, mount, None, clock, options)
+            .beating(move || pulse.as_ref().map_or((), Pulse::tick));
         let ended = tracker.run(&worker.cancel.clone(), &mut |step| {
             self.line("slewing", Some(step), axes, worker);
-            let watched = dog.as_mut().is_none_or(|dog| {
-                dog.tick();
-                dog.watches()
-            });
+            let watched = dog.as_mut().is_none_or(|dog| dog.beat().is_continue());
             let wanted = self.hand.want() == Want::Follow;
             match watched && wanted && step.state == TrackState::Slewing && !worker.is_over() {
                 true => ControlFlow::Continue(()),
@@ -686,7 +676,7 @@ impl MountWork {
         &mut self,
         mount: &mut dyn Mount,
         guard: &Guard,
-        dog: Option<&Process>,
+        dog: &mut Option<Process>,
         worker: &Worker,
     ) -> bool {
         if !mount.abilities().parks {
@@ -706,14 +696,12 @@ impl MountWork {
         let axes = mount.abilities().axes;
         self.line("parking", None, axes, worker);
         let hand = self.hand.clone();
-        let tick = &mut || {
-            if let Some(dog) = dog {
-                dog.tick();
-            }
-            match hand.want() {
-                Want::Stand => ControlFlow::Break(()),
-                _ => ControlFlow::Continue(()),
-            }
+        if let Some(dog) = dog {
+            dog.pulse().busy(PARK_WITHIN);
+        }
+        let tick = &mut || match hand.want() {
+            Want::Stand => ControlFlow::Break(()),
+            _ => dog.as_mut().map_or(ControlFlow::Continue(()), Process::beat),
         };
         match park(mount, guard, &worker.clock, tick) {
             Ok(Parked::Parked) => {

@@ -1,11 +1,12 @@
 //! The mount in a plan: `[mount]` of NIGHT.toml.
 
 use crate::plan::VIRTUAL_ADDRESS;
+use crate::telescope::TrackOptions;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
-use sunglint_drivers::device::{MountAbilities, MountAxes, PierSide};
+use sunglint_drivers::device::{MountAxes, MountKnown, PierSide};
 use sunglint_formats::ParseError;
 use sunglint_formats::session::Session;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
@@ -20,6 +21,16 @@ fn yes() -> bool {
 
 fn name() -> String {
     "mount".to_owned()
+}
+
+/// Axes of a mount, as a plan names them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanAxes {
+    /// Hour angle and declination.
+    Equatorial,
+    /// Azimuth and altitude.
+    Altaz,
 }
 
 /// A mount that points the telescope in a night.
@@ -54,6 +65,15 @@ pub struct MountPlan {
     /// Whether it is a German mount; false of a fork, also of one that tells a side of a pier. Without it, an equatorial mount may turn over, and one that tells its side is turned over.
     #[serde(default)]
     pub german: Option<bool>,
+    /// Axes about which it really turns.
+    #[serde(default)]
+    pub axes: Option<PlanAxes>,
+    /// Fastest rate that its motors do, deg/s, where its driver publishes more.
+    #[serde(default)]
+    pub most_rate_deg_s: Option<Positive>,
+    /// Slowest rate other than none that it takes, arcsec/s.
+    #[serde(default)]
+    pub least_rate_arcsec_s: Option<Within<0, 60>>,
     /// Angle that a pixel sees, arcsec; the station's without.
     #[serde(default)]
     pub pixel_scale_arcsec: Option<Positive>,
@@ -136,15 +156,29 @@ impl MountPlan {
         self.past_meridian_deg.map_or(0.0, Within::get)
     }
 
-    /// Abilities of the mount, as this plan knows them.
-    pub fn known(&self, abilities: &MountAbilities) -> MountAbilities {
-        let mut known = abilities.clone();
-        match self.german {
-            Some(false) => (known.is_fork, known.tells_pier_side) = (true, false),
-            Some(true) => known.is_fork = false,
-            None => {}
+    /// Facts that the plan knows better than the mount's driver.
+    pub fn known(&self) -> MountKnown {
+        MountKnown {
+            axes: self.axes.map(|axes| match axes {
+                PlanAxes::Equatorial => MountAxes::Equatorial,
+                PlanAxes::Altaz => MountAxes::Horizontal,
+            }),
+            german: self.german,
+            most_deg_s: self.most_rate_deg_s.map(Positive::get),
+            least_deg_s: self.least_rate_arcsec_s.map(|rate| rate.get() / 3600.0),
         }
-        known
+    }
+
+    /// How the mount is moved, whatever the target is.
+    pub fn track_options(&self) -> TrackOptions {
+        TrackOptions {
+            slew_within_s: self.slew_within_s(),
+            slew_deg_s: self.slew_deg_s.map(Positive::get),
+            past_meridian_deg: self.past_meridian_deg(),
+            german: self.german != Some(false),
+            unpark: false,
+            ..TrackOptions::default()
+        }
     }
 
     /// Speed of a slew, deg/s.
@@ -229,6 +263,9 @@ impl MountPlan {
                 let expected = format!("a {}; this is a {}", Kind::Mount, parsed.driver.kind);
                 return Err(wrong("device", &expected));
             }
+        }
+        if self.german == Some(true) && self.axes == Some(PlanAxes::Altaz) {
+            return Err(wrong("axes", "equatorial, as a German mount is"));
         }
         if self.german == Some(false) && self.camera_angle_pier.is_some() {
             let expected = "nothing: with `german = false` the camera is never upside down";

@@ -20,7 +20,9 @@ const UP_RAD: f64 = 1e-3;
 /// A frame that looks farther from where the mount says than this is no error of pointing, deg.
 const MOST_OFF_DEG: f64 = 10.0;
 /// Time for an answer of the mount.
-const SOON: Duration = Duration::from_secs(10);
+const SOON: Duration = Duration::from_millis(3500);
+/// Time within which the rest before a frame ends.
+const SETTLES: Duration = Duration::from_secs(10);
 
 /// Somebody stopped it.
 const CANCELLED: DeviceError = DeviceError::Cancelled { device: "mount", action: "going" };
@@ -163,6 +165,8 @@ pub struct Goto<'a> {
     pub clock: DeviceClock,
     /// How.
     pub options: GotoOptions,
+    /// Sign of life for a watchdog, between calls that take their time.
+    pub beat: &'a dyn Fn(),
 }
 
 impl std::fmt::Debug for Goto<'_> {
@@ -187,7 +191,10 @@ impl Goto<'_> {
 
     fn reading(&mut self, cancel: &Cancel) -> Result<MountReading, DeviceError> {
         let soon = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
-        self.mount.reading(&soon)
+        (self.beat)();
+        let reading = self.mount.reading(&soon);
+        (self.beat)();
+        reading
     }
 
     /// The axes of a mount on this side of the pier, as a frame sees them that looks there.
@@ -230,13 +237,13 @@ impl Goto<'_> {
         loop {
             let path = self.path(target, self.clock.utc())?;
             let (clock, options) = (self.clock.clone(), self.options.track);
-            let mut tracker = Tracker::new(&path, self.guard, self.mount, None, clock, options)
-                .steered_by(&orders);
-            if !tracker.go(cancel, each)? {
+            let tracker = Tracker::new(&path, self.guard, self.mount, None, clock, options);
+            let went = tracker.steered_by(&orders).beating(self.beat).go(cancel, each)?;
+            if !went {
                 return Err(CANCELLED.into());
             }
             let Some(look) = look.as_mut() else { return Ok(Gone { off_arcsec: offs, camera }) };
-            let settle = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
+            let settle = Deadline::after(self.clock.clock.clone(), SETTLES).with_cancel(cancel);
             let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
             settle.sleep(rest).map_err(|_| CANCELLED)?;
             // What is parked or stopped from now on is somebody else's.
@@ -268,6 +275,7 @@ impl Goto<'_> {
                     let place = seen.place_of(angles(seen_at), 0.0);
                     let soon = Deadline::after(self.clock.clock.clone(), SOON);
                     self.mount.sync(place, &soon.with_cancel(cancel))?;
+                    (self.beat)();
                 }
                 return Ok(Gone { off_arcsec: offs, camera });
             }

@@ -24,7 +24,7 @@ mod weather;
 
 pub use estimate::EstimatorOptions;
 pub use goto::{CameraAxes, Gone, Goto, GotoError, GotoOptions, GotoTarget, Look, Looks};
-pub use park::{Parked, park};
+pub use park::{PARK_WITHIN, Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};
 pub use safety::{Certainty, Danger, Guard, SunCone, SunNow, sun};

@@ -39,8 +39,11 @@ impl Parked {
     }
 }
 
+/// Longest time that the command to park may take: some drivers answer late, and are asked again.
+pub const PARK_WITHIN: Duration = Duration::from_secs(15);
+
 /// Parks a mount that stands. While the Sun is up, or will be in three minutes, it stays where it is. `tick` is called while it waits; where it breaks, the
-/// mount is stopped.
+/// mount is stopped. Before the first call, the command takes up to [`PARK_WITHIN`].
 ///
 /// # Errors
 /// See [`DeviceError`]: it is then not known whether it is parked.

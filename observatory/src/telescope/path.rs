@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use hifitime::{Epoch, Unit};
+use std::collections::VecDeque;
 use sunglint_drivers::device::{MountAxes, MountPlace, MountReading};
 use sunglint_ephemeris::geometry::GeometryError;
 use sunglint_ephemeris::motion::{AxisMotion, Motion, equatorial_axes, horizontal_axes};
@@ -12,6 +13,8 @@ use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, SkyError, SkyFr
 const STEP_S: f64 = 0.5;
 /// Turn of the Earth against the stars, deg/s.
 const SIDEREAL_DEG_S: f64 = 360.985_647_366 / 86_400.0;
+/// How far a path is known beyond its ends, points: a minute, as far as the target is searched there. Beyond it goes on straight.
+const MARGIN: usize = 120;
 /// Longest path, s.
 const MOST_S: f64 = 86_400.0;
 
@@ -126,7 +129,10 @@ pub struct TargetPath {
     frame: Frame,
     site: Site,
     sidereal_deg: f64,
+    /// Places from a margin before the path up to one after it.
     points: Vec<Place>,
+    /// Number of the point with which the path begins, and of its last one.
+    ends: [usize; 2],
 }
 
 /// Direction to what is followed and its rate (1/s), as an observer sees it.
@@ -145,7 +151,9 @@ impl TargetPath {
         axes: MountAxes,
         refraction: bool,
     ) -> Result<Self, PathError> {
-        let near = orbit.near(span.0, span.0 + span.1.clamp(0.0, MOST_S) * Unit::Second);
+        let margin = MARGIN as f64 * STEP_S * Unit::Second;
+        let to = span.0 + span.1.clamp(0.0, MOST_S) * Unit::Second;
+        let near = orbit.near(span.0 - margin, to + margin);
         Self::of(site, earth, span, axes, refraction, &mut |observer| {
             let motion = Motion::at(&near, observer)?;
             Ok((motion.enu, motion.enu_per_s))
@@ -203,10 +211,11 @@ impl TargetPath {
         let place = site.geodetic();
         let frame = Frame { axes, latitude_deg: place.latitude_deg };
         let count = (seconds / STEP_S).ceil() as usize + 1;
-        let at = |i: usize| from + (i as f64 * STEP_S) * Unit::Second;
-        let frames = SkyFrames::over(from, at(count), earth)?;
-        let mut points = Vec::with_capacity(count);
-        for i in 0..count {
+        let (count, margin) = (count as i64, MARGIN as i64);
+        let at = |i: i64| from + (i as f64 * STEP_S) * Unit::Second;
+        let frames = SkyFrames::over(at(-margin), at(count + margin), earth)
+            .or_else(|_| SkyFrames::over(from, at(count), earth))?;
+        let mut place_at = |i: i64| -> Result<Place, PathError> {
             let observer = Observer::new(frames.at(at(i))?, site);
             let (enu, per_s) = seen(&observer)?;
             let (enu, per_s) = if refraction {
@@ -218,12 +227,28 @@ impl TargetPath {
             } else {
                 (enu, per_s)
             };
-            points.push(Place { direction: frame.of_enu(enu), per_s: frame.of_enu(per_s) });
-        }
+            Ok(Place { direction: frame.of_enu(enu), per_s: frame.of_enu(per_s) })
+        };
+        // A table of positions may end with the path, or not be known far beyond it.
+        let mut points: VecDeque<Place> =
+            (0..count).map(&mut place_at).collect::<Result<_, _>>()?;
+        let before = (-margin..0).rev().map_while(|i| place_at(i).ok());
+        before.for_each(|place| points.push_front(place));
+        let begin = points.len() - count as usize;
+        points.extend((count..count + margin).map_while(|i| place_at(i).ok()));
+        let ends = [begin, begin + count as usize - 1];
         let first = frames.at(from)?;
         let sidereal = first.earth_rotation_angle_rad() - first.equation_of_origins_rad();
         let sidereal_deg = sidereal.to_degrees() + place.longitude_deg;
-        Ok(Self { from, frame, site: *site, sidereal_deg, points })
+        Ok(Self { from, frame, site: *site, sidereal_deg, points: points.into(), ends })
+    }
+
+    /// The path of a target that comes so much later, s.
+    #[must_use]
+    pub fn later(mut self, late_s: f64) -> Self {
+        self.from += late_s * Unit::Second;
+        self.sidereal_deg += SIDEREAL_DEG_S * late_s;
+        self
     }
 
     /// First moment.
@@ -233,7 +258,7 @@ impl TargetPath {
 
     /// Length of the path, s.
     pub fn seconds(&self) -> f64 {
-        (self.points.len() - 1) as f64 * STEP_S
+        (self.ends[1] - self.ends[0]) as f64 * STEP_S
     }
 
     /// The mount's axes at the site.
@@ -256,13 +281,14 @@ impl TargetPath {
         self.from + time_s * Unit::Second
     }
 
-    /// The target's place; beyond the ends it goes on straight.
+    /// The target's place; a minute beyond the ends, or where a table of positions ends, it goes on straight.
     pub fn at(&self, time_s: f64) -> Place {
         let last = self.points.len() - 1;
+        let time_s = time_s + self.ends[0] as f64 * STEP_S;
         let i = ((time_s / STEP_S).floor().max(0.0) as usize).min(last.saturating_sub(1));
         let u = time_s / STEP_S - i as f64;
         let (a, b) = (&self.points[i], &self.points[(i + 1).min(last)]);
-        let whole = self.seconds();
+        let whole = last as f64 * STEP_S;
         if time_s < 0.0 || time_s > whole {
             let end = if time_s < 0.0 { &self.points[0] } else { &self.points[last] };
             let beyond = if time_s < 0.0 { time_s } else { time_s - whole };

@@ -3,6 +3,7 @@
 use super::path::{TargetPath, angles, direction, wrapped};
 use super::pier;
 use super::safety::{Danger, Guard};
+use super::tracker::TrackOptions;
 use serde::Serialize;
 use sunglint_drivers::device::{MountAbilities, MountAxes};
 use sunglint_formats::time::format_utc;
@@ -121,14 +122,14 @@ pub struct PassPlan {
 }
 
 impl PassPlan {
-    /// Plans a path for a mount that stands at these angles now, deg, where that is known, and that turns over `past_meridian_deg` past the meridian where it has to.
+    /// Plans a path for a mount that stands at these angles now, deg, where that is known, and that is moved with these options.
     pub fn new(
         target: &str,
         path: &TargetPath,
         guard: &Guard,
         abilities: &MountAbilities,
         stands_deg: Option<[f64; 2]>,
-        past_meridian_deg: f64,
+        options: &TrackOptions,
     ) -> Self {
         let frame = path.frame();
         let count = (path.seconds() / STEP_S) as usize;
@@ -168,7 +169,7 @@ impl PassPlan {
             && refused.is_none()
         {
             let [from, to] = [stands, begin_deg].map(|angle| frame.to_enu(direction(angle)));
-            match guard.way(from, to, utc, 60.0) {
+            match guard.way(from, to, utc, options.slew_within_s) {
                 Ok(way) => detour = way.len() > 1,
                 Err(danger) => refused = Some(danger),
             }
@@ -192,7 +193,7 @@ impl PassPlan {
             meridian_s,
             turns_over: abilities.tells_pier_side,
             turns_s: match abilities.tells_pier_side {
-                true => pier::turns_s(path, past_meridian_deg),
+                true => pier::turns_s(path, options.past_meridian_deg),
                 false => Vec::new(),
             },
             keyhole,

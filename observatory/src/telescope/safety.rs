@@ -6,7 +6,10 @@
 use super::path::{Frame, angles, direction, wrapped};
 use glam::DVec3;
 use hifitime::Epoch;
-use sunglint_drivers::device::{MountAxes, MountSite};
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{
+    DeviceError, Mount, MountAbilities, MountAxes, MountClock, MountSite, MountTime,
+};
 use sunglint_radiometry::sky::Site;
 use sunglint_radiometry::station::Horizon;
 
@@ -31,13 +34,15 @@ pub enum Danger {
     },
     /// The Sun is near a way that the mount may take to the place.
     #[error(
-        "on its way the mount could come within {separation_deg:.1}° of the Sun, nearer than {limit_deg:.1}°, and no detour over one other place is free; move it by hand, or wait until the Sun is down"
+        "on its way the mount could come within {separation_deg:.1}° of the Sun, nearer than {limit_deg:.1}°, and no detour over one other place is free; move it by hand, or wait until the Sun is down{hint}"
     )]
     Way {
         /// Least distance of the Sun from the ways, deg.
         separation_deg: f64,
         /// Least distance allowed, deg.
         limit_deg: f64,
+        /// Advice that may help.
+        hint: &'static str,
     },
     /// The place is too low.
     #[error(
@@ -69,6 +74,14 @@ pub enum Danger {
         mount_deg: [f64; 2],
         /// Latitude and longitude of the station, deg.
         station_deg: [f64; 2],
+    },
+    /// Clocks differ.
+    #[error(
+        "the mount's clock is {off_s:+.0} s off: what it takes for a right ascension is elsewhere on the sky; set its clock (--set-site, `set_site` in a plan, tells it site and time)"
+    )]
+    Time {
+        /// Its time less UTC, s.
+        off_s: f64,
     },
     /// The clock was set.
     #[error(
@@ -154,13 +167,32 @@ pub struct Guard {
     cone: SunCone,
     horizon: Horizon,
     least_altitude_deg: f64,
-    /// The mount's axes.
-    frame: Frame,
-    /// Whether the mount turns over at the meridian.
-    turns_over: bool,
+    /// The mount's axes, and whether it turns over at the meridian; more than one kind where nobody says about which axes it turns.
+    kinds: Vec<(Frame, bool)>,
 }
 
+/// Largest error of a mount's clock, s: its Sun is 2.5′ off then.
+const CLOCK_S: f64 = 10.0;
+/// Turn of the Earth against the stars, deg/s.
+const TURN_DEG_S: f64 = 360.985_647 / 86_400.0;
+/// Advice where the axes are not known.
+const SAY_AXES: &str = "; about which axes the mount turns is not known, and the ways of both kinds count: say it (--axes, `axes` in a plan)";
+
 impl Guard {
+    /// A guard of a mount with these abilities.
+    pub fn of(site: &Site, abilities: &MountAbilities, cone: SunCone) -> Self {
+        let over = abilities.may_turn_over();
+        match abilities.turns_about {
+            Some(axes) => Self::new(site, axes, over, cone),
+            None => {
+                let mut guard = Self::new(site, MountAxes::Equatorial, over, cone);
+                let latitude_deg = guard.latitude_deg;
+                guard.kinds.push((Frame { axes: MountAxes::Horizontal, latitude_deg }, false));
+                guard
+            }
+        }
+    }
+
     /// A guard of a mount with these axes.
     pub fn new(site: &Site, axes: MountAxes, turns_over: bool, cone: SunCone) -> Self {
         let place = site.geodetic();
@@ -171,8 +203,7 @@ impl Guard {
             cone,
             horizon: Horizon::Flat(0.0),
             least_altitude_deg: 0.0,
-            frame: Frame { axes, latitude_deg: place.latitude_deg },
-            turns_over,
+            kinds: vec![(Frame { axes, latitude_deg: place.latitude_deg }, turns_over)],
         }
     }
 
@@ -213,10 +244,18 @@ impl Guard {
     /// The reason why not.
     pub fn check_place(&self, enu: DVec3, utc: Epoch) -> Result<(), Danger> {
         self.check_sun(enu, utc)?;
+        self.check_low(enu, 0.0)
+    }
+
+    /// Whether a place is above the horizon and the lowest altitude, or lower by no more than so much, deg.
+    ///
+    /// # Errors
+    /// It is lower.
+    pub fn check_low(&self, enu: DVec3, margin_deg: f64) -> Result<(), Danger> {
         let azimuth = enu.x.atan2(enu.y).to_degrees();
         let altitude_deg = enu.z.clamp(-1.0, 1.0).asin().to_degrees();
         let limit_deg = self.horizon.elevation_deg(azimuth).max(self.least_altitude_deg);
-        if altitude_deg < limit_deg {
+        if altitude_deg < limit_deg - margin_deg {
             return Err(Danger::Low { altitude_deg, limit_deg });
         }
         Ok(())
@@ -288,32 +327,37 @@ impl Guard {
         }
         match best {
             Some((_, by)) => Ok(vec![by, to]),
-            None => Err(Danger::Way { separation_deg: direct, limit_deg }),
+            None => {
+                let hint = if self.kinds.len() > 1 { SAY_AXES } else { "" };
+                Err(Danger::Way { separation_deg: direct, limit_deg, hint })
+            }
         }
     }
 
     /// The least distance of the Sun from all ways of the mount between two directions, deg; never more than it is.
     fn least_distance_deg(&self, from: DVec3, to: DVec3, sun: DVec3) -> f64 {
-        let [a, b, sun] = [from, to, sun].map(|enu| self.frame.of_enu(enu));
-        let mut least = great_circle_deg(a, b, sun);
-        let (a, b) = (angles(a), angles(b));
-        let first = wrapped(b[0] - a[0]);
-        let mut ends = vec![[a[0] + first, b[1]]];
-        let round = match self.frame.axes {
-            // Where the cable's middle lies is not known.
-            MountAxes::Horizontal => true,
-            MountAxes::Equatorial => first.abs() > 150.0,
-        };
-        if round {
-            ends.push([a[0] + first - 360.0 * first.signum(), b[1]]);
-        }
-        if self.turns_over {
-            // The same direction on the other side of the pier.
-            ends.push([a[0] + first - 180.0, 180.0 - b[1]]);
-            ends.push([a[0] + first + 180.0, 180.0 - b[1]]);
-        }
-        for end in ends {
-            least = least.min(rectangle_deg(a, end, sun));
+        let mut least = great_circle_deg(from, to, sun);
+        for (frame, turns_over) in &self.kinds {
+            let [a, b] = [from, to].map(|enu| angles(frame.of_enu(enu)));
+            let first = wrapped(b[0] - a[0]);
+            let mut ends = vec![[a[0] + first, b[1]]];
+            let round = match frame.axes {
+                // Where the cable's middle lies is not known.
+                MountAxes::Horizontal => true,
+                MountAxes::Equatorial => first.abs() > 150.0,
+            };
+            if round {
+                ends.push([a[0] + first - 360.0 * first.signum(), b[1]]);
+            }
+            if *turns_over {
+                // The same direction on the other side of the pier: over the elevated pole, towards which the first axis points.
+                let over = 180_f64.copysign(self.latitude_deg) - b[1];
+                ends.push([a[0] + first - 180.0, over]);
+                ends.push([a[0] + first + 180.0, over]);
+            }
+            for end in ends {
+                least = least.min(rectangle_deg(a, end, frame.of_enu(sun)));
+            }
         }
         least
     }
@@ -334,6 +378,46 @@ impl Guard {
             mount_deg: [site.latitude_deg, site.longitude_deg],
             station_deg: [self.latitude_deg, self.longitude_deg],
         })
+    }
+
+    /// Whether a mount reckons with the right time, within ten seconds. Its sidereal time is that of the site at which it believes to stand.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn check_time(
+        &self,
+        mount: Option<MountTime>,
+        site: Option<MountSite>,
+    ) -> Result<(), Danger> {
+        let Some(MountTime { utc, clock }) = mount else { return Ok(()) };
+        let off_s = match clock {
+            MountClock::SiderealDeg(said_deg) => {
+                let days = utc.to_mjd_utc_days() - 51_544.5;
+                let longitude_deg = site.map_or(self.longitude_deg, |site| site.longitude_deg);
+                let true_deg = 280.460_618 + 360.985_647_37 * days + longitude_deg;
+                wrapped(said_deg - true_deg) / TURN_DEG_S
+            }
+            // One that was told long ago is no fault.
+            MountClock::SetTo(said) => (said - utc).to_seconds().max(0.0),
+        };
+        match off_s.abs() <= CLOCK_S {
+            true => Ok(()),
+            false => Err(Danger::Time { off_s }),
+        }
+    }
+
+    /// What is in doubt about a mount that was asked for its site and its time; silence is no doubt.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    pub fn doubt(
+        &self,
+        mount: &mut dyn Mount,
+        deadline: &Deadline,
+    ) -> Result<Option<Danger>, DeviceError> {
+        let site = mount.site(deadline)?;
+        let time = mount.time(deadline)?;
+        Ok(self.check_site(site).and_then(|()| self.check_time(time, site)).err())
     }
 }
 
@@ -378,7 +462,7 @@ fn rectangle_deg(a: [f64; 2], b: [f64; 2], sun: DVec3) -> f64 {
     let low = [a[0].min(b[0]), a[1].min(b[1])];
     let high = [a[0].max(b[0]), a[1].max(b[1])];
     let s = angles(sun);
-    for s in [s, [s[0] + 180.0, 180.0 - s[1]]] {
+    for s in [s, [s[0] + 180.0, 180.0 - s[1]], [s[0] + 180.0, -180.0 - s[1]]] {
         let within = (low[1]..=high[1]).contains(&s[1]);
         let turns = [-2.0, -1.0, 0.0, 1.0, 2.0]
             .iter()

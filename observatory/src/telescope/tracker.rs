@@ -45,8 +45,6 @@ pub struct TrackOptions {
     pub slew_within_s: f64,
     /// Whether the mount follows the prediction alone, finder or not.
     pub open_loop: bool,
-    /// Offset along the track that a person gives, s: later is positive.
-    pub nudge_s: f64,
     /// Whether the program checks that the clock does not step: not for a virtual clock.
     pub watch_clock: bool,
     /// How far from its prediction a star is looked for in the frames, arcsec.
@@ -73,7 +71,6 @@ impl Default for TrackOptions {
             lead_s: 10.0,
             slew_within_s: 240.0,
             open_loop: false,
-            nudge_s: 0.0,
             watch_clock: true,
             reach_arcsec: 1800.0,
             unpark: true,
@@ -125,6 +122,13 @@ pub(super) const PARKED: &str = "the mount was parked by somebody else";
 pub(super) const STOPPED: &str = "the mount was stopped by somebody else";
 /// A person's order that needs the camera's axes.
 const NO_SIDE: &str = "not done: the mount does not say on which side of its pier it hangs, and on one of them the image is upside down";
+/// Time over which it is seen that a mount goes a way that it was not told, s, and that way, deg; and the time for which that explains another side of the pier, s.
+const STRAYS: (f64, f64) = (3.0, 3.0);
+const SWEPT_S: f64 = 120.0;
+/// Way by which the place may be below the horizon or the lowest altitude, deg, and the time for which it may be lower, s: a target that is a little late is found lower.
+const LOW: (f64, f64) = (0.5, 5.0);
+/// Time for which a mount may refuse its rates, s.
+const REFUSED_S: f64 = 1.0;
 /// Readings that are kept: a minute of ten a second, for frames with long exposures.
 const READINGS: usize = 600;
 
@@ -186,7 +190,7 @@ pub struct TrackStep {
 pub enum TrackError {
     /// The mount or the finder.
     #[error(transparent)]
-    Device(#[from] DeviceError),
+    Device(DeviceError),
     /// Not safe.
     #[error(transparent)]
     Danger(#[from] Danger),
@@ -280,11 +284,22 @@ pub struct Tracker<'a> {
     keyhole: Option<Keyhole>,
     cancel: Cancel,
     estimator: Estimator,
+    /// Sign of life for a watchdog, between calls that take their time.
+    beat: Option<Box<dyn Fn() + 'a>>,
     /// The last commands: when, and the rates, deg/s.
     commands: VecDeque<(f64, [f64; 2])>,
     /// The last readings: when, and the angles, deg; the first unwrapped.
     readings: VecDeque<(f64, [f64; 2])>,
+    /// Side of the pier that it says.
     pier: Option<PierSide>,
+    /// Side on which the camera hangs: some drivers make up the side that they say, and a camera turns over only with the mount.
+    hangs: Option<PierSide>,
+    /// When it said last that it slews, or went a way that it was not told, s of the path.
+    swept_s: Option<f64>,
+    /// Since when it is, or will be, too low, s of the path.
+    low_s: Option<f64>,
+    /// Since when it refuses its rates, s of the path.
+    refused_s: Option<f64>,
     motion: Option<MountMotion>,
     /// Whether it was seen following the rates that it was given.
     followed: bool,
@@ -324,9 +339,6 @@ impl<'a> Tracker<'a> {
         clock: DeviceClock,
         options: TrackOptions,
     ) -> Self {
-        let mut estimator = Estimator::new(options.estimator);
-        // A first guess: once the target is seen, its light counts.
-        estimator.offset.along.value = -options.nudge_s;
         Self {
             path,
             guard,
@@ -337,10 +349,15 @@ impl<'a> Tracker<'a> {
             options,
             keyhole: None,
             cancel: Cancel::new(),
-            estimator,
+            estimator: Estimator::new(options.estimator),
+            beat: None,
             commands: VecDeque::new(),
             readings: VecDeque::new(),
             pier: None,
+            hangs: None,
+            swept_s: None,
+            low_s: None,
+            refused_s: None,
             motion: None,
             followed: false,
             learnt: None,
@@ -365,6 +382,19 @@ impl<'a> Tracker<'a> {
     pub fn steered_by(mut self, orders: &'a Orders) -> Self {
         self.orders = Some(orders);
         self
+    }
+
+    /// Calls this as a sign of life between calls to the mount that take their time, beside `each` after each step.
+    #[must_use]
+    pub fn beating(mut self, beat: impl Fn() + 'a) -> Self {
+        self.beat = Some(Box::new(beat));
+        self
+    }
+
+    fn beat(&self) {
+        if let Some(beat) = &self.beat {
+            beat();
+        }
     }
 
     /// Follows until the path ends, `each` breaks, or the token is set; in every case the mount is stopped at the end, but not where somebody else parks it.
@@ -460,9 +490,9 @@ impl<'a> Tracker<'a> {
     /// Whether the finder looks upside down; `None` where its axes are known for one side of the pier, and the mount does not say on which it hangs.
     fn is_upside_down(&self) -> Option<bool> {
         let side = self.finder.as_ref().and_then(|finder| finder.side());
-        match (side.filter(|_| self.options.german), self.pier) {
+        match (side.filter(|_| self.options.german), self.hangs) {
             (None, _) => Some(false),
-            (Some(side), Some(pier)) => Some(side != pier),
+            (Some(side), Some(hangs)) => Some(side != hangs),
             (Some(_), None) => None,
         }
     }
@@ -486,7 +516,7 @@ impl<'a> Tracker<'a> {
     /// Where the target is believed to be at a time, with what was learnt.
     fn believed(&self, time_s: f64) -> DVec3 {
         if let Some(hold) = &self.hold {
-            return shifted(self.path.at(time_s - self.options.nudge_s).direction, hold.off);
+            return shifted(self.path.at(time_s).direction, hold.off);
         }
         // From the time on up to which the offset was carried on.
         let learnt_s = self.estimator.since_s(time_s).clamp(0.0, 5.0);
@@ -540,14 +570,19 @@ impl<'a> Tracker<'a> {
 
     /// A reading, and its angles, deg; the first unwrapped.
     fn reading(&mut self) -> Result<(MountReading, [f64; 2]), TrackError> {
-        let reading = self.mount.reading(&self.soon()).map_err(by_hand)?;
+        let reading = self.mount.reading(&self.soon())?;
         // A mount that says no side for a moment, as while it turns over, hangs where it hung.
         let pier = reading.pier.or(self.pier);
         let mut angle = self.path.angles_of(&reading);
         let time_s = self.path.time_s(reading.utc);
-        if self.pier != pier {
+        if reading.motion == MountMotion::Slewing || self.strays(time_s, angle) {
+            self.swept_s = Some(time_s);
+        }
+        let swept = self.swept_s.is_some_and(|swept_s| time_s - swept_s < SWEPT_S);
+        if self.hangs != pier && (self.hangs.is_none() || swept) {
             // Frames of before were taken by a camera that was upside down.
             self.readings.clear();
+            self.hangs = pier;
         }
         if let Some((_, last)) = self.readings.back() {
             angle[0] = last[0] + wrapped(angle[0] - last[0]);
@@ -561,7 +596,17 @@ impl<'a> Tracker<'a> {
             self.readings.pop_front();
         }
         (self.pier, self.motion) = (pier, Some(reading.motion));
+        self.beat();
         Ok((reading, angle))
+    }
+
+    /// Whether it went a way in the last seconds that it was not told, as a mount does that turns over.
+    fn strays(&self, time_s: f64, angle: [f64; 2]) -> bool {
+        let since = self.readings.iter().find(|(at_s, _)| time_s - at_s < STRAYS.0);
+        since.is_some_and(|(at_s, from)| {
+            let told = self.carried(*at_s, *from, time_s);
+            direction(angle).angle_between(direction(told)).to_degrees() > STRAYS.1
+        })
     }
 
     /// Whether somebody else stopped or parked the mount since it was told to move: that is not undone.
@@ -634,6 +679,7 @@ impl<'a> Tracker<'a> {
         let frame = self.path.frame();
         let start_s = self.now_s().max(0.0);
         let mut meet_s = start_s + if start_s > 0.0 { lead_s } else { 0.0 };
+        self.beat();
         let here = self.read()?;
         if self.motion == Some(MountMotion::Parked) && !self.options.unpark {
             return Err(TrackError::ByHand { what: PARKED });
@@ -643,6 +689,7 @@ impl<'a> Tracker<'a> {
                 DeviceError::NotReady { .. } => Ok(()),
                 error => Err(error),
             })?;
+            self.beat();
         }
         let goal = |tracker: &Self, meet_s: f64| tracker.target_deg(meet_s, here[0]);
         let to = goal(self, meet_s);
@@ -662,7 +709,9 @@ impl<'a> Tracker<'a> {
             // A mount that follows the stars afterwards should stand where the target comes.
             let place = self.path.place_of(angle_to, now_s);
             let soon = self.within(GOTO_S);
+            self.beat();
             self.mount.begin_goto(place, &soon)?;
+            self.beat();
             let begun_s = self.now_s();
             let mut slewed = false;
             // Since when it stands beside its goal, and where.
@@ -751,8 +800,11 @@ impl<'a> Tracker<'a> {
     /// Tries which way the axes turn, on the side of the pier on which it hangs now. What it was told before, and where it stood, counts no more.
     fn learn(&mut self) -> Result<(), TrackError> {
         let within = self.within(20.0);
-        self.mount.learn_senses(&within).map_err(by_hand)?;
+        let beat = &self.beat;
+        let beat = || beat.as_ref().map_or((), |beat| beat());
+        self.mount.learn_senses(&beat, &within)?;
         (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
+        self.beat();
         self.read()?;
         self.learnt = self.pier;
         self.followed = false;
@@ -780,7 +832,7 @@ impl<'a> Tracker<'a> {
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<Own, TrackError> {
         let begun_s = self.now_s();
-        let commands = std::mem::take(&mut self.commands);
+        let commands = self.commands.clone();
         let last = commands.back().map_or([0.0; 2], |(_, rates)| *rates);
         // Rates of before it went its own way: those since then ran after it.
         let before = commands.iter().rev().find(|(sent_s, _)| *sent_s < begun_s - BEFORE_S);
@@ -1091,22 +1143,41 @@ impl<'a> Tracker<'a> {
         Ok(true)
     }
 
-    /// Stops before the place comes near the Sun, or too low.
-    fn check_ahead(&self, angle: [f64; 2]) -> Result<(), TrackError> {
+    /// Stops before the place comes near the Sun, and where it stays too low.
+    fn check_ahead(&mut self, angle: [f64; 2]) -> Result<(), TrackError> {
         let frame = self.path.frame();
         let utc = self.clock.utc();
         self.guard.check_sun(frame.to_enu(direction(angle)), utc)?;
         let now_s = self.now_s();
+        let is_low = |enu: DVec3| self.guard.check_low(enu, LOW.0);
+        let mut low = is_low(frame.to_enu(direction(angle)));
         for ahead_s in [0.0, AHEAD_S] {
             let target = self.target((now_s + ahead_s).clamp(0.0, self.path.seconds()));
-            self.guard.check_sun(frame.to_enu(target), utc)?;
+            let target = frame.to_enu(target);
+            self.guard.check_sun(target, utc)?;
+            low = low.and_then(|()| is_low(target));
         }
         // The mount itself, at the rates that it has.
         if let Some((_, rates)) = self.commands.back() {
             let coming = [0, 1].map(|i| angle[i] + rates[i] * AHEAD_S);
-            self.guard.check_sun(frame.to_enu(direction(coming)), utc)?;
+            let coming = frame.to_enu(direction(coming));
+            self.guard.check_sun(coming, utc)?;
+            low = low.and_then(|()| is_low(coming));
         }
-        Ok(())
+        // Before the path begins it stands at its first place, which was allowed.
+        let Err(danger) = low.or_else(|low| if now_s < 0.0 { Ok(()) } else { Err(low) }) else {
+            self.low_s = None;
+            return Ok(());
+        };
+        if let Some(from_s) = &mut self.search_from_s {
+            // The target is not down there: the search begins anew in the middle.
+            *from_s = now_s;
+            return Ok(());
+        }
+        match now_s - *self.low_s.get_or_insert(now_s) > LOW.1 {
+            true => Err(danger.into()),
+            false => Ok(()),
+        }
     }
 
     /// Rates that bring the mount from where it will be to the target.
@@ -1130,8 +1201,16 @@ impl<'a> Tracker<'a> {
                     false => Err(DeviceError::NotReady { device, reason }.into()),
                 };
             }
-            done => done.map_err(by_hand)?,
+            Err(error @ DeviceError::Declined { .. }) => {
+                // It goes on at the rates that it has.
+                return match sent_s - *self.refused_s.get_or_insert(sent_s) > REFUSED_S {
+                    true => Err(error.into()),
+                    false => Ok(()),
+                };
+            }
+            done => done?,
         }
+        self.refused_s = None;
         self.commands.push_back((sent_s, rates));
         if self.commands.len() > 100 {
             self.commands.pop_front();
@@ -1218,7 +1297,7 @@ impl<'a> Tracker<'a> {
         let offset_arcsec = self.along_axes(offset_arcsec).ok_or(NO_SIDE)?;
         let seen = seen_at(angle, &Spot { offset_arcsec, flux: 0.0 });
         if self.hold.is_some() {
-            let predicted = self.path.at(time_s - self.options.nudge_s).direction;
+            let predicted = self.path.at(time_s).direction;
             let off = off_of(predicted, seen);
             if let Some(hold) = &mut self.hold {
                 hold.lock(off, now_s);
@@ -1313,7 +1392,7 @@ impl<'a> Tracker<'a> {
         summary: &mut TrackSummary,
     ) -> TrackState {
         let now_s = self.now_s();
-        let predicted = self.path.at(time_s - self.options.nudge_s).direction;
+        let predicted = self.path.at(time_s).direction;
         let seen: Vec<([f64; 2], f64)> =
             spots.iter().map(|spot| (off_of(predicted, seen_at(angle, spot)), spot.flux)).collect();
         let Some(hold) = self.hold.as_mut() else { return TrackState::Predicted };
@@ -1370,11 +1449,13 @@ impl<'a> Tracker<'a> {
     }
 }
 
-/// Signs, in a mount's answers, that somebody else moves it.
-fn by_hand(error: DeviceError) -> TrackError {
-    match error {
-        DeviceError::Taken { what, .. } => TrackError::ByHand { what },
-        error => error.into(),
+impl From<DeviceError> for TrackError {
+    /// Signs, in a mount's answers, that somebody else moves it, are told as such.
+    fn from(error: DeviceError) -> Self {
+        match error {
+            DeviceError::Taken { what, .. } => Self::ByHand { what },
+            error => Self::Device(error),
+        }
     }
 }
 

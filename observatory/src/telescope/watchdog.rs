@@ -3,6 +3,7 @@
 //! It is meant to run in a process of its own, so that it outlives the tracker. What it cannot do: reach a mount whose cable is cut. Then the last rates go on.
 
 use std::io::{BufRead as _, BufReader, Write as _};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -115,7 +116,7 @@ fn stop(mount: &mut dyn Mount) -> Result<(), DeviceError> {
 }
 
 /// A tracker that has said nothing for so long hangs.
-const HANGS: Duration = Duration::from_secs(4);
+pub const HANGS: Duration = Duration::from_secs(4);
 /// Time between two beats.
 const BEAT: Duration = Duration::from_millis(100);
 /// Longest time in which a watchdog that was let go ends: three calls of its last stop, and a reading.
@@ -125,11 +126,41 @@ const ENDS: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub struct Process {
     child: Child,
-    last_ms: Arc<AtomicU64>,
+    pulse: Pulse,
     ends: Arc<AtomicBool>,
     stands: Arc<AtomicBool>,
-    begun: Instant,
     thread: Option<JoinHandle<()>>,
+}
+
+/// Signs of life of a tracker. Clones are the same one.
+#[derive(Debug, Clone)]
+pub struct Pulse {
+    begun: Instant,
+    /// Time up to which it is known to live, ms from the begin on.
+    until_ms: Arc<AtomicU64>,
+}
+
+impl Pulse {
+    fn new() -> Self {
+        Self { begun: Instant::now(), until_ms: Arc::default() }
+    }
+
+    /// The tracker lives.
+    pub fn tick(&self) {
+        self.busy(Duration::ZERO);
+    }
+
+    /// The tracker is in a call that may take this long: it says nothing meanwhile.
+    pub fn busy(&self, time: Duration) {
+        let until = u64::try_from((self.begun.elapsed() + time).as_millis()).unwrap_or(u64::MAX);
+        self.until_ms.store(until, Ordering::SeqCst);
+    }
+
+    /// Time since the last sign of life.
+    pub fn age(&self) -> Duration {
+        let until = Duration::from_millis(self.until_ms.load(Ordering::SeqCst));
+        self.begun.elapsed().saturating_sub(until)
+    }
 }
 
 /// Why there is no watchdog.
@@ -165,17 +196,15 @@ impl Process {
             let _ = child.wait();
             return Err(ProcessError::Unreached);
         }
-        let begun = Instant::now();
-        let last_ms = Arc::new(AtomicU64::new(0));
+        let pulse = Pulse::new();
         let [ends, stands] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
-        let (last, end, still) = (last_ms.clone(), ends.clone(), stands.clone());
+        let (life, end, still) = (pulse.clone(), ends.clone(), stands.clone());
         let thread = std::thread::spawn(move || {
             while !end.load(Ordering::SeqCst) {
-                let age = begun
-                    .elapsed()
-                    .saturating_sub(Duration::from_millis(last.load(Ordering::SeqCst)));
                 // A tracker that hangs is as good as dead.
-                if age < HANGS && stdin.write_all(b"a\n").and_then(|()| stdin.flush()).is_err() {
+                if life.age() < HANGS
+                    && stdin.write_all(b"a\n").and_then(|()| stdin.flush()).is_err()
+                {
                     return;
                 }
                 std::thread::sleep(BEAT);
@@ -185,13 +214,21 @@ impl Process {
                 let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
             }
         });
-        Ok(Self { child, last_ms, ends, stands, begun, thread: Some(thread) })
+        Ok(Self { child, pulse, ends, stands, thread: Some(thread) })
     }
 
-    /// The tracker lives.
-    pub fn tick(&self) {
-        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
-        self.last_ms.store(now, Ordering::SeqCst);
+    /// The signs of life that it waits for.
+    pub fn pulse(&self) -> Pulse {
+        self.pulse.clone()
+    }
+
+    /// The tracker lives; breaks where nobody watches it any more. Who moves a mount has to stop then.
+    pub fn beat(&mut self) -> ControlFlow<()> {
+        self.pulse.tick();
+        match self.watches() {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        }
     }
 
     /// Whether it still watches; false once it has ended, because it stopped the mount or was killed.

@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{
-    Device, DeviceError, Identity, Mount, MountAbilities, MountAxes, MountPlace, MountReading,
-    MountSite, Setting,
+    Device, DeviceError, Identity, Mount, MountAbilities, MountAxes, MountKnown, MountPlace,
+    MountReading, MountSite, MountTime, Setting,
 };
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit, elements};
@@ -230,6 +230,10 @@ impl Mount for DrivenMount {
         self.mount.abilities()
     }
 
+    fn know(&mut self, known: &MountKnown) {
+        self.mount.know(known);
+    }
+
     fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
         self.at(deadline).reading(deadline)
     }
@@ -246,8 +250,8 @@ impl Mount for DrivenMount {
         self.at(deadline).set_tracking(on, deadline)
     }
 
-    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
-        self.at(deadline).learn_senses(deadline)
+    fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError> {
+        self.at(deadline).learn_senses(beat, deadline)
     }
 
     fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
@@ -264,6 +268,10 @@ impl Mount for DrivenMount {
 
     fn site(&mut self, deadline: &Deadline) -> Result<Option<MountSite>, DeviceError> {
         self.at(deadline).site(deadline)
+    }
+
+    fn time(&mut self, deadline: &Deadline) -> Result<Option<MountTime>, DeviceError> {
+        self.at(deadline).time(deadline)
     }
 
     fn set_site(
