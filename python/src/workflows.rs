@@ -51,19 +51,52 @@ pub fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
     .into())
 }
 
-/// A scene as a pass, with the station that was named or its own.
-pub fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
-    let file = PassFile::read(path)?;
-    overrides.station = station(named)?;
-    if overrides.station.is_none() && !file.names_station() {
-        return Err(format!(
-            "{}: no station: the scene names none in [station]; give station= with a built-in name ({}) or a file",
+/// Name of the station that the surroundings say, as for the program: that of the environment, else the file in the folder where Python runs.
+#[pyfunction]
+pub fn usual_station() -> Option<String> {
+    let told = std::env::var("SUNGLINT_STATION").ok().filter(|name| !name.is_empty());
+    told.or_else(|| Path::new("station.toml").is_file().then(|| "station.toml".to_owned()))
+}
+
+/// The station that was named, else the one that the surroundings say.
+pub fn station_or_usual(named: Option<&str>) -> Result<Option<Station>, Failure> {
+    match named {
+        Some(_) => station(named),
+        None => station(usual_station().as_deref()),
+    }
+}
+
+/// The station of a scene: the one that was named, else the scene's own (`None`), else the one that the surroundings say.
+pub fn station_for(
+    scene: &PassFile,
+    path: &Path,
+    named: Option<&str>,
+) -> Result<Option<Station>, Failure> {
+    if named.is_none() && scene.names_station() {
+        return Ok(None);
+    }
+    match station_or_usual(named)? {
+        Some(station) => Ok(Some(station)),
+        None => Err(format!(
+            "{}: no station: the scene names none in [station]; give station= with a built-in name ({}) or a file, set SUNGLINT_STATION, or put a station.toml here",
             path.display(),
             Station::built_in_names().join(", ")
         )
-        .into());
+        .into()),
     }
+}
+
+/// A scene as a pass, with the station that was named, its own, or the usual one.
+pub fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
+    let file = PassFile::read(path)?;
+    overrides.station = station_for(&file, path, named)?;
     Ok(file.resolve(overrides)?)
+}
+
+/// Names of the built-in stations.
+#[pyfunction]
+fn built_in_stations() -> Vec<&'static str> {
+    Station::built_in_names()
 }
 
 /// A moment in UTC of a text.
@@ -183,41 +216,55 @@ fn simulate(
     })
 }
 
-/// Makes the missing shards of a study, or of a part of it; the report as JSON.
+/// Makes the missing shards of a study, or of a part of it, with as many threads; the report as JSON. `usual` is the station of a scene that names none.
 #[pyfunction]
-#[pyo3(signature = (study, output, station=None, part=1, of=1, progress=None))]
+#[pyo3(signature = (study, output, station=None, usual=None, part=1, of=1, threads=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn run_study(
     py: Python<'_>,
     study: PathBuf,
     output: PathBuf,
     station: Option<String>,
+    usual: Option<String>,
     part: usize,
     of: usize,
+    threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     run(py, progress, move |watch| {
-        let study = read_study(&study, station.as_deref())?;
-        let ran = sunglint_study::run::run(&study, &output, Part { part, of }, watch)?;
+        let study = read_study(&study, station.as_deref(), usual.as_deref())?;
+        let make = || sunglint_study::run::run(&study, &output, Part { part, of }, watch);
+        let ran = match threads {
+            None => make(),
+            Some(threads) => {
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(make)
+            }
+        }?;
         Ok(serde_json::to_string(&ran.report)?)
     })
 }
 
-/// Points, tasks and shards of a study.
+/// Number of shards of a study, and which of them are missing in its folder, which is made where it is not there.
 #[pyfunction]
-#[pyo3(signature = (study, station=None))]
-fn size_of_study(
+#[pyo3(signature = (study, output, station=None, usual=None))]
+fn missing_shards(
     py: Python<'_>,
     study: PathBuf,
+    output: PathBuf,
     station: Option<String>,
-) -> PyResult<(usize, usize, usize)> {
+    usual: Option<String>,
+) -> PyResult<(usize, Vec<usize>)> {
     run(py, None, move |_| {
-        let study = read_study(&study, station.as_deref())?;
-        Ok((study.points.len(), study.tasks(), study.shards()))
+        let study = read_study(&study, station.as_deref(), usual.as_deref())?;
+        sunglint_study::run::prepare(&study, &output)?;
+        sunglint_study::run::refresh(&study, &output);
+        Ok((study.shards(), sunglint_study::run::missing(&study, &output)))
     })
 }
 
-fn read_study(path: &Path, named: Option<&str>) -> Result<Study, Failure> {
-    Ok(Study::read(path, Stations { instead: station(named)?, usual: None })?)
+fn read_study(path: &Path, named: Option<&str>, usual: Option<&str>) -> Result<Study, Failure> {
+    let usual = if usual.is_some() { station(usual)? } else { station_or_usual(None)? };
+    Ok(Study::read(path, Stations { instead: station(named)?, usual })?)
 }
 
 /// Effects that a pass needs.
@@ -318,17 +365,7 @@ fn fit_passes(
         options.iterations = iterations.unwrap_or(of_scene.iterations).min(10_000);
         options.seed = seed;
         for curve in &mut curves {
-            curve.station = match self::station(station.as_deref())? {
-                Some(station) => Some(station),
-                None if curve.scene.names_station() => None,
-                None => {
-                    return Err(format!(
-                        "{}: no station: give station=",
-                        curve.scene.path.display()
-                    )
-                    .into());
-                }
-            };
+            curve.station = station_for(&curve.scene, &curve.scene.path, station.as_deref())?;
         }
         let answer = fit(&curves, &options, watch)?;
         let product = sunglint_report::fit::product(&answer)?;
@@ -378,7 +415,7 @@ fn period_of(
             Some("apart") => false,
             Some(other) => return Err(unknown("sessions", other, "auto, joined or apart")),
         };
-        let station = self::station(station.as_deref())?;
+        let station = station_or_usual(station.as_deref())?;
         if station.is_none() && all.has_rates() {
             all.warnings.push(
                 "the air is not removed: no station says through which air and with which channels"
@@ -546,7 +583,9 @@ pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(needs, module)?)?;
     module.add_function(wrap_pyfunction!(run_study, module)?)?;
-    module.add_function(wrap_pyfunction!(size_of_study, module)?)?;
+    module.add_function(wrap_pyfunction!(missing_shards, module)?)?;
+    module.add_function(wrap_pyfunction!(usual_station, module)?)?;
+    module.add_function(wrap_pyfunction!(built_in_stations, module)?)?;
     module.add_function(wrap_pyfunction!(compare_pass, module)?)?;
     module.add_function(wrap_pyfunction!(fit_passes, module)?)?;
     module.add_function(wrap_pyfunction!(period_of, module)?)?;

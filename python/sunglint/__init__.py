@@ -1025,7 +1025,7 @@ class StudyResult:
     ----------
     folder : str
     report : dict
-        Points, tasks, shards, how many of them are missing, failed tasks, files with their SHA-256.
+        Points, tasks, shards, how many of them are missing, failed tasks, files with their SHA-256; of a part, its own alone.
     """
 
     def __init__(self, folder, report):
@@ -1033,6 +1033,8 @@ class StudyResult:
         self.report = report
 
     def __repr__(self):
+        if "part" in self.report:
+            return f"<study {self.report['study']}, part {self.report['part']}: {self.report['shards']} shards in {self.folder}>"
         made = self.report["shards"] - self.report["missing"]
         return f"<study {self.report['study']}: {made} of {self.report['shards']} shards in {self.folder}>"
 
@@ -1050,10 +1052,62 @@ class StudyResult:
         return self._table("samples")
 
 
-def _study_part(study, output, station, part, of):
-    """One part, in a worker: the results are in the folder, so that nothing has to travel."""
-    _core.run_study(study, output, station, part, of, None)
+# Seconds that shards of parts that are done have to appear: NFS keeps a folder's names for up to a minute.
+_GRACE_S = 65.0
+# Rounds of parts one after the other that make no shard, before Dask's workers are given up.
+_IDLE_ROUNDS = 2
+
+
+def _study_part(study, output, station, usual, of, part):
+    """One part, in a worker: the results are in the folder, so that nothing has to travel. Dask counts a task as one thread."""
+    _core.run_study(study, output, station, usual, part, of, 1, None)
     return part
+
+
+def _anywhere(station):
+    """A station's name as another folder's process finds it."""
+    if station is None or _path(station) in _core.built_in_stations():
+        return station
+    return _os.path.abspath(_path(station)) if _os.path.exists(_path(station)) else station
+
+
+def _by_workers(client, path, folder, station, usual, parts, tell):
+    """Has Dask's workers make the missing shards. A worker that dies loses its part: what is missing then is asked for again."""
+    import functools
+    import time
+
+    shards, left = _core.missing_shards(path, folder, station, usual)
+    if parts is None:
+        parts = max(1, min(shards, 4 * sum(client.nthreads().values())))
+    idle, rounds, failed = 0, 0, None
+    while left and idle < _IDLE_ROUNDS:
+        before, rounds = len(left), rounds + 1
+        numbers = sorted({shard % parts + 1 for shard in left})
+        part = functools.partial(_study_part, path, folder, station, usual, parts)
+        work = client.map(part, numbers, pure=False, retries=5)
+        try:
+            told = None
+            # Looked at and not gathered: a part whose workers died again and again must not end the others.
+            while (done := sum(f.done() for f in work)) < len(work):
+                if tell is not None and done != told:
+                    tell("parts", done, len(work))
+                    told = done
+                time.sleep(0.05)
+        except BaseException:
+            client.cancel(work)
+            raise
+        fine = {n for n, f in zip(numbers, work) if f.status == "finished"}
+        failed = next((f.exception() for f in work if f.status == "error"), failed)
+        until = time.monotonic() + _GRACE_S
+        while True:
+            _, left = _core.missing_shards(path, folder, station, usual)
+            if not any(shard % parts + 1 in fine for shard in left) or time.monotonic() > until:
+                break
+            time.sleep(0.5)
+        idle = idle + 1 if len(left) == before else 0
+    if left:
+        why = f"; a worker's last error: {failed!r}" if failed is not None else "; they must see the same files under the same names"
+        raise Error(f"{len(left)} of {shards} shards are missing after {rounds} rounds of parts, the last {idle} of which made none{why}") from failed
 
 
 def study(study, output, station=None, part=None, client=None, parts=None, progress=None):
@@ -1067,7 +1121,7 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
     station : str, optional
         Built-in name, file or folder, in place of the scene's.
     part : (k, n), optional
-        Only the k-th of n parts.
+        Only the k-th of n parts; the report is then that of the part.
     client : dask.distributed.Client, optional
         Its workers make the parts; they must see the same files under the same names.
     parts : int, optional
@@ -1080,21 +1134,17 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
 
     Notes
     -----
-    The bytes of the results do not depend on who makes them. A worker that dies loses at most the shard it was at: its part is made again.
+    The bytes of the results do not depend on who makes them. A worker that dies loses at most the shard it was at: its part is asked for again.
+    Each part takes one thread, as Dask counts it.
     """
     path, folder = _os.path.abspath(_path(study)), _os.path.abspath(_path(output))
+    station, usual = _anywhere(station), _anywhere(_core.usual_station())
     if client is not None:
         if part is not None:
             raise Error("part= goes without client=: the client's workers make all parts")
-        _, _, shards = _core.size_of_study(path, station)
-        if parts is None:
-            threads = sum(client.nthreads().values())
-            parts = max(1, min(shards, 4 * threads))
-        numbers = range(1, parts + 1)
-        work = client.map(lambda k: _study_part(path, folder, station, k, parts), numbers, pure=False, retries=5)
-        client.gather(work)
+        _by_workers(client, path, folder, station, usual, parts, _callback(progress))
     k, n = part or (1, 1)
-    report = _json.loads(_core.run_study(path, folder, station, k, n, _callback(progress)))
+    report = _json.loads(_core.run_study(path, folder, station, usual, k, n, None, _callback(progress)))
     return StudyResult(folder, report)
 
 

@@ -305,7 +305,7 @@ def test_studies_are_the_programs(tmp_path, demo):
     )
     heard = []
     mine = sg.study(study, tmp_path / "mine", part=(2, 2), progress=lambda stage, done, of: heard.append(of))
-    assert mine.report["missing"] == 2 and heard[-1] == 1
+    assert mine.report["missing"] == 0 and mine.report["shards"] == 1 and mine.report["part"] == "2/2" and heard[-1] == 1
     mine = sg.study(study, tmp_path / "mine")
     assert mine.report["missing"] == 0 and mine.report["tasks"] == 3
     program("study", study, "-o", tmp_path / "theirs", "-q")
@@ -322,6 +322,42 @@ def test_studies_are_the_programs(tmp_path, demo):
     with pytest.raises(sg.Error, match="another study"):
         study.write_text(study.read_text().replace("2.0", "3.0"))
         sg.study(study, tmp_path / "mine")
+
+
+def test_the_usual_station_is_the_programs(tmp_path, demo, monkeypatch):
+    """A scene that names no station: the environment's, else the folder's station.toml, as for the program; else an error."""
+    import tomllib
+
+    text = (demo / "sphere.toml").read_text().replace('"satellites.tle"', json.dumps(str(demo / "satellites.tle")))
+    lines, in_station = [], False
+    for line in text.splitlines():
+        in_station = line.strip() == "[station]" if line.startswith("[") else in_station
+        if not in_station and not line.startswith("station"):
+            lines.append(line)
+    assert "station" not in tomllib.loads("\n".join(lines))
+    bare = tmp_path / "bare.toml"
+    bare.write_text("\n".join(lines) + "\n")
+    study = tmp_path / "study.toml"
+    study.write_text('[study]\nscene = "bare.toml"\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SUNGLINT_STATION", raising=False)
+    for call in (lambda: sg.Scene(bare).simulate(), lambda: sg.study(study, tmp_path / "none"), lambda: sg.fit(bare, demo / "sphere.ecsv", free=["gain"])):
+        with pytest.raises(sg.Error, match="no station"):
+            call()
+    theirs = json.loads(program("simulate", bare, "--station", "ufo", "--json", "-q"))
+    monkeypatch.setenv("SUNGLINT_STATION", "ufo")
+    same(sg.Scene(bare).simulate().summary, theirs, COSTS)
+    assert sg.study(study, tmp_path / "told").report["failed"] == 0
+    monkeypatch.delenv("SUNGLINT_STATION")
+    stations = ROOT / "radiometry" / "stations" / "ufo"
+    for file in stations.rglob("*"):
+        if file.is_file():
+            there = tmp_path / file.relative_to(stations)
+            there.parent.mkdir(parents=True, exist_ok=True)
+            there.write_bytes(file.read_bytes())
+    assert (tmp_path / "station.toml").exists()
+    same(sg.Scene(bare).simulate().summary["channels"], theirs["channels"], COSTS)
+    assert sg.study(study, tmp_path / "here").report["failed"] == 0
 
 
 def test_stars_air_and_passes_are_the_programs(demo):
