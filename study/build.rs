@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Folders of a crate whose files change no number.
-const NOT_NUMBERS: [&str; 7] =
-    ["tests", "benches", "examples", "fuzz", "target", "gallery", "scenes"];
+const NOT_NUMBERS: [&str; 5] = ["tests", "benches", "examples", "fuzz", "target"];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -233,7 +233,8 @@ fn attitude_of(
         options.search = attitude::Options { seed, axes, all_light: !direct_only };
         let mut curves = joined(&inputs, &reading.options()?)?;
         for curve in &mut curves {
-            curve.station = station_for(&curve.scene, &curve.scene.path, station.as_deref())?;
+            let scene = &curve.scene;
+            curve.station = station_for(scene.names_station(), &scene.path, station.as_deref())?;
         }
         let found = attitude::analyse(curves, &options, watch)?;
         let scene = found.scene.iter();
