@@ -125,6 +125,10 @@ fn the_batch_script_names_what_every_node_finds() {
             .unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     }
+    // Parts look at their own files alone: the manifest is the last run's.
+    assert!(!folder.path("out/manifest.json").exists());
+    let told = folder.done(&["study", "spheres.toml", "-o", "out"]);
+    assert!(told.contains("0 shards made"), "{told}");
     assert!(folder.path("out/manifest.json").exists());
 }
 
