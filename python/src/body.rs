@@ -144,7 +144,7 @@ impl Body {
         tolerance: Option<f64>,
         budget_s: Option<f64>,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<String>)> {
+    ) -> PyResult<LightErrorAndWarnings<'py>> {
         let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
         let n = sun.len();
         if n != observer.len() {
@@ -403,6 +403,9 @@ impl LightEngine {
     }
 }
 
+/// Light and stated error, (n, m + 1) each, and warnings.
+type LightErrorAndWarnings<'py> =
+    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<String>);
 /// Light and stated error, (n, w) each.
 type LightAndError<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
