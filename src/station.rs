@@ -7,6 +7,11 @@ use sunglint_formats::nearest_names;
 use sunglint_formats::session::Session;
 use sunglint_radiometry::station::{RecordedError, Station};
 
+/// Variable of the environment that names the station.
+pub const VARIABLE: &str = "SUNGLINT_STATION";
+/// File of the station in the folder where the program runs.
+const HERE: &str = "station.toml";
+
 /// Which station.
 #[derive(Debug, Clone, Default, Args)]
 pub struct StationArgs {
@@ -21,14 +26,15 @@ impl StationArgs {
         if let Some(name) = &self.station {
             return named(name).map(Some);
         }
-        match std::env::var("SUNGLINT_STATION") {
-            Ok(name) if !name.is_empty() => {
-                return named(&name).context("from $SUNGLINT_STATION").map(Some);
-            }
-            _ => {}
-        }
-        let here = Path::new("station.toml");
-        if here.is_file() { Ok(Some(Station::read(here)?)) } else { Ok(None) }
+        let Some(name) = Self::around() else { return Ok(None) };
+        let station = named(&name);
+        (if name == HERE { station } else { station.context("from $SUNGLINT_STATION") }).map(Some)
+    }
+
+    /// Name of the station that the surroundings say: that of the environment, else the file in this folder.
+    pub fn around() -> Option<String> {
+        let told = std::env::var(VARIABLE).ok().filter(|name| !name.is_empty());
+        told.or_else(|| Path::new(HERE).is_file().then(|| HERE.to_owned()))
     }
 
     /// The station; an error that lists the names where there is none.

@@ -26,9 +26,12 @@ pub struct StudyArgs {
     /// Only write the batch script into the folder, as study.sbatch
     #[arg(long, conflicts_with_all = ["part", "slurm"])]
     pub slurm_script: bool,
-    /// Tasks of the array at most: each should take a minute or more
+    /// Tasks of the array at most, each of a minute or more; less than Slurm's MaxArraySize
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub slurm_tasks: usize,
+    /// Tasks that run at the same time, at most [default: as many as Slurm starts]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub slurm_at_once: Option<u32>,
     /// An option of sbatch, such as --partition=long; may be given several times
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub slurm_option: Vec<String>,
@@ -53,10 +56,12 @@ pub use with::run;
 mod with {
     use super::{Console, StudyArgs, Usage};
     use crate::progress::Watched;
+    use crate::station::{StationArgs, VARIABLE};
     use anyhow::Context as _;
     use serde_json::json;
     use std::path::{Path, PathBuf};
     use std::time::Instant;
+    use sunglint_radiometry::station::Station;
     use sunglint_study::run::{self, Part, Ran};
     use sunglint_study::slurm::{self, Array};
     use sunglint_study::{Stations, Study};
@@ -92,10 +97,14 @@ mod with {
         let start = Instant::now();
         if args.slurm || args.slurm_script {
             let array = array(args, threads, &folder)?;
+            let at_once = args.slurm_at_once.map_or(String::new(), |n| format!("%{n}"));
             if args.slurm_script {
                 let script = array.write(&study, &folder)?;
-                let text =
-                    format!("{}: sbatch --array=1-{} {0}", script.display(), array.parts(&study));
+                let text = format!(
+                    "{}: sbatch --array=1-{}{at_once} {0}",
+                    script.display(),
+                    array.parts(&study)
+                );
                 let json =
                     json!({ "script": script.display().to_string(), "parts": array.parts(&study) });
                 return console.result(&text, &json);
@@ -125,17 +134,25 @@ mod with {
         let program = std::env::current_exe().context("cannot find this program's own file")?;
         let mut command = vec![text(&program)?, "study".into(), text(&args.study)?];
         command.extend(["--quiet".into(), "-o".into(), text(folder)?]);
+        let found = |name: &str| -> anyhow::Result<String> {
+            let path = Path::new(name);
+            let is_file = Station::built_in(name).is_none() && path.exists();
+            if is_file { text(path) } else { Ok(name.to_owned()) }
+        };
         if let Some(station) = &args.station.station {
-            let path = Path::new(station);
-            let named = if path.exists() { text(path)? } else { station.clone() };
-            command.extend(["--station".into(), named]);
+            command.extend(["--station".into(), found(station)?]);
+        } else if let Some(usual) = StationArgs::around() {
+            // What this shell and folder say, a task's need not.
+            let told = format!("{VARIABLE}={}", found(&usual)?);
+            command.splice(..0, ["env".into(), told]);
         }
         Ok(Array {
             submit: "sbatch".into(),
-            queue: Some("squeue".into()),
+            queue: "squeue".into(),
             command,
             threads,
             tasks: args.slurm_tasks,
+            at_once: args.slurm_at_once.map(|n| n as usize),
             grace: slurm::GRACE,
             options: args.slurm_option.clone(),
         })
@@ -184,9 +201,14 @@ mod with {
                 counted(failed, "task")
             ));
         }
-        match &ran.manifest {
-            Some(path) => text.push_str(&format!("\nall is there: {}", path.display())),
-            None => text.push_str(&format!("\n{} missing", counted(report.missing, "shard"))),
+        match (&ran.manifest, &report.part) {
+            (Some(path), _) => text.push_str(&format!("\nall is there: {}", path.display())),
+            (None, Some(part)) => text.push_str(&format!(
+                "\npart {part} is there; a run without --part writes the manifest"
+            )),
+            (None, None) => {
+                text.push_str(&format!("\n{} missing", counted(report.missing, "shard")))
+            }
         }
         text
     }

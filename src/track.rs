@@ -14,26 +14,20 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountKnown, MountSite};
-use sunglint_ephemeris::geometry::Geometry;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountSite};
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
-use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
     Certainty, Guard, PARK_WITHIN, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
     TrackStep, Tracker, Weather, WeatherFile, park,
 };
-use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
+use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
-use sunglint_report::track::{TrackReport, is_within, plan_text, step_text, turned_s};
-use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+use sunglint_rehearsal::track::{self, Limits, MOUNTS, Rehearsal, VirtualMount};
+use sunglint_report::track::{TrackReport, plan_text, step_text};
 
-/// Names of the virtual telescopes.
-const VIRTUAL: [&str; 3] = ["virtual", "virtual-equatorial", "virtual-german"];
-/// Hour angle past the meridian at which the virtual German mount stands still, deg.
-const GERMAN_DEG: f64 = 10.0;
 /// How long a mount may take to be opened.
 pub(crate) const OPEN: Duration = Duration::from_secs(30);
 
@@ -194,37 +188,11 @@ impl TrackArgs {
         Ok(())
     }
 
-    fn is_virtual(&self) -> bool {
-        VIRTUAL.contains(&self.mount.as_str())
-    }
-
     fn orbit(&self, at: Epoch) -> anyhow::Result<Orbit> {
         match Orbit::read(&self.elements, Some(&self.object), Some(at)) {
             Err(error @ ReadError::Choice { .. }) => Err(Usage(error.to_string()).into()),
             other => Ok(other?),
         }
-    }
-
-    /// Begin and length of the pass, s.
-    fn span(&self, orbit: &Orbit, station: &Station, at: Epoch) -> anyhow::Result<(Epoch, f64)> {
-        let conditions =
-            Conditions { min_altitude_deg: self.min_elevation + 0.2, sun_below_deg: 90.0 };
-        let window = (at, at + 1.0 * Unit::Day);
-        let earth = EarthOrientation::embedded();
-        let search = Search::new(&station.site, &station.horizon, window, conditions, earth)?;
-        let found = search.passes(orbit);
-        let Some(pass) = found.passes.first() else {
-            bail!(
-                "{} is not above {:.0}° at {} within a day: look for its passes with `sunglint passes`",
-                orbit.name(),
-                self.min_elevation,
-                station.name
-            );
-        };
-        let seconds = pass.span.seconds();
-        // A path is at most four hours: a target that stays is followed until then.
-        let most_s = self.for_s.unwrap_or(14_400.0);
-        Ok((pass.span.from, seconds.min(most_s)))
     }
 }
 
@@ -238,14 +206,14 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let station = args.station.get()?;
     let orbit = args.orbit(at)?;
     // A target that comes late is where its elements say that it was before.
-    let (from, seconds) = args.span(&orbit, &station, at - args.late_s * Unit::Second)?;
+    let asked = at - args.late_s * Unit::Second;
+    let (from, seconds) =
+        track::next_pass(&orbit, &station, asked, args.min_elevation, args.for_s)?;
     for warning in orbit.warnings(from, from + seconds * Unit::Second) {
         console.warn(&warning);
     }
-    let virtual_axes =
-        if args.mount == VIRTUAL[0] { MountAxes::Horizontal } else { MountAxes::Equatorial };
-    if args.is_virtual() {
-        return rehearse(args, console, &station, &orbit, (from, seconds), virtual_axes);
+    if let Some(mount) = VirtualMount::named(&args.mount) {
+        return rehearse(args, console, &station, &orbit, (from, seconds), mount);
     }
     let ahead_s =
         args.late_s + (from - Epoch::now().context("the system has no clock")?).to_seconds();
@@ -348,7 +316,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         // It stops the mount over its own connection.
         drop(dog);
     }
-    finish(args, console, &mut report, ended, &lines.steps)?;
+    finish(args, console, &mut report, ended, &lines.steps, &[])?;
     done?;
     match weather {
         Some(why) => Err(anyhow!("it was stopped, because the weather is not fit: {why}")),
@@ -428,11 +396,13 @@ fn finish(
     report: &mut TrackReport,
     ended: Result<sunglint_observatory::telescope::TrackSummary, TrackError>,
     steps: &[TrackStep],
+    truth: &[[f64; 2]],
 ) -> anyhow::Result<()> {
     let failed = match ended {
         Ok(summary) => {
             report.ended = summary.cancelled.then(|| "stopped by hand".to_owned());
             report.went(summary, steps);
+            report.knows(steps, truth);
             None
         }
         Err(error) => {
@@ -447,88 +417,45 @@ fn finish(
     }
 }
 
-/// A rehearsal: the target comes 1 s late and 20″ beside its track, the telescope is a virtual one, and time passes as fast as it can.
+/// A rehearsal with a virtual telescope.
 fn rehearse(
     args: &TrackArgs,
     console: Console,
     station: &Station,
     orbit: &Orbit,
     span: (Epoch, f64),
-    axes: MountAxes,
+    mount: VirtualMount,
 ) -> anyhow::Result<()> {
-    let earth = EarthOrientation::embedded();
-    let seconds = span.1;
-    let path = TargetPath::new(orbit, &station.site, earth, span, axes, false)?.later(args.late_s);
-    let from = path.from();
-    let start = from - 60.0 * Unit::Second;
-    let clock = DeviceClock { clock: Arc::new(VirtualClock::new()), zero_utc: Some(start) };
-    let frames =
-        SkyFrames::over(start - 1.0 * Unit::Minute, from + (seconds + 60.0) * Unit::Second, earth)?;
-    let (site, sky_orbit) = (station.site, orbit.clone());
-    let sky = move |epoch: Epoch| {
-        let at = |epoch: Epoch| {
-            let observer = Observer::new(frames.at(epoch).ok()?, &site);
-            Some(Geometry::at(&sky_orbit, &observer).ok()?.horizontal.east_north_up())
-        };
-        let late = epoch - 1.0 * Unit::Second;
-        let (here, soon) = (at(late)?, at(late + 0.1 * Unit::Second)?);
-        let across = here.cross(soon).try_normalize()?;
-        (here + across * (20.0 / 206_264.8)).try_normalize()
+    let wanted = Rehearsal {
+        limits: Limits { min_altitude_deg: args.min_elevation, sun_limit_deg: args.sun_limit },
+        late_s: args.late_s,
+        known: args.known.known()?,
+        options: options(args),
+        only_plan: args.dry_run,
     };
-    let place = station.site.geodetic();
-    let made = TelescopeOptions::default().with(|o| {
-        o.axes = axes;
-        o.past_meridian_deg = (args.mount == VIRTUAL[2]).then_some(GERMAN_DEG);
-        o.site_deg = [place.latitude_deg, place.longitude_deg];
-    });
-    let telescope = Telescope::new(made, clock.clone(), Arc::new(sky));
-    let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
-    mount.know(&args.known.known()?);
-    let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::of(&station.site, mount.abilities(), cone)
-        .with_horizon(station.horizon.clone(), args.min_elevation);
-    let mut options = options(args);
-    let plan = PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None, &options);
-    let mut report = TrackReport::planned(plan, args.mount.clone());
+    let done = track::rehearse(orbit, station, span, mount, &wanted, &Cancel::new())?;
+    let mut report = TrackReport::planned(done.plan, args.mount.clone());
     if args.dry_run {
         return args.out.finish(&report.product(&[])?, &report.text(), console);
     }
-    if let Some(why) = &report.plan.refused {
-        bail!("{why}");
-    }
-    options.watch_clock = false;
-    let finder: Option<&mut dyn Finder> = Some(&mut finder);
-    let mut tracker = Tracker::new(&path, &guard, &mut mount, finder, clock, options);
-    let mut steps = Vec::new();
-    let ended = tracker.run(&Cancel::new(), &mut |step| {
-        steps.push(*step);
-        ControlFlow::Continue(())
-    });
+    let Some(ended) = done.ended else {
+        bail!("{}", report.plan.refused.as_deref().unwrap_or("the plan is refused"));
+    };
     let every = (args.every / 0.1).round().max(1.0) as usize;
     if console.verbose > 0 {
-        steps.iter().step_by(every).for_each(|step| console.detail(&step_text(step)));
+        done.steps.iter().step_by(every).for_each(|step| console.detail(&step_text(step)));
     }
-    if let Ok(summary) = &ended
-        && let Some(locked_s) = summary.locked_s
-    {
-        let turned_s = turned_s(&steps, summary.began_s);
-        let late = telescope.truth().into_iter().filter(|row| {
-            let time_s = row.time_s - 60.0;
-            time_s > locked_s + 5.0 && !is_within(&turned_s, time_s)
-        });
-        let squares: Vec<f64> = late.map(|row| row.off_arcsec.powi(2)).collect();
-        if !squares.is_empty() {
-            report.true_rms_arcsec =
-                Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt());
-        }
-    }
-    finish(args, console, &mut report, ended, &steps)
+    finish(args, console, &mut report, ended, &done.steps, &done.truth)
 }
 
 /// Opens a mount.
 pub(crate) fn open(address: &str) -> anyhow::Result<Box<dyn Mount>> {
-    let mut address = Address::parse(address, &[])
-        .map_err(|error| anyhow!("--mount: {error}; or {} for a rehearsal", VIRTUAL.join(", ")))?;
+    let mut address = Address::parse(address, &[]).map_err(|error| {
+        anyhow!(
+            "--mount: {error}; or {} for a rehearsal",
+            MOUNTS.map(|mount| mount.name).join(", ")
+        )
+    })?;
     let deadline = Deadline::within(OPEN);
     let line = address.connect(&deadline)?;
     match address.open(line, &deadline)? {

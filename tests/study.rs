@@ -87,6 +87,10 @@ fn killed_runs_are_gone_on_with() {
         tables.iter().map(|(name, _)| name.clone()).collect()
     };
     assert_eq!(names(&alone), names(&killed));
+    let left = std::fs::read_dir(folder.path("killed/summary")).unwrap();
+    let left =
+        left.filter(|e| e.as_ref().unwrap().file_name().as_encoded_bytes().starts_with(b"."));
+    assert_eq!(left.count(), 0, "what kills left of files is gone");
     for ((name, one), (_, other)) in alone.iter().zip(&killed) {
         assert!(one == other, "{} differs", name.display());
     }
@@ -121,6 +125,10 @@ fn the_batch_script_names_what_every_node_finds() {
             .unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     }
+    // Parts look at their own files alone: the manifest is the last run's.
+    assert!(!folder.path("out/manifest.json").exists());
+    let told = folder.done(&["study", "spheres.toml", "-o", "out"]);
+    assert!(told.contains("0 shards made"), "{told}");
     assert!(folder.path("out/manifest.json").exists());
 }
 
@@ -142,7 +150,7 @@ fn an_array_of_slurm_makes_the_study() {
     tool(
         "sbatch",
         format!(
-            "#!/bin/sh\necho \"$1\" >> {}\nfor k in 1 2 3; do SLURM_ARRAY_TASK_ID=$k sh \"$3\" >&2; done\necho Submitted batch job 5\n",
+            "#!/bin/sh\necho \"$1 $2\" >> {}\nfor k in 1 2 3; do SLURM_ARRAY_TASK_ID=$k sh \"$5\" >&2; done\necho 5\n",
             log.display()
         ),
     );
@@ -154,14 +162,19 @@ fn an_array_of_slurm_makes_the_study() {
         .current_dir(&folder.0)
         .env("PATH", path)
         .env("SQUEUE_STATES", "FAILED")
+        .env("SUNGLINT_STATION", "ufo")
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     let log = std::fs::read_to_string(log).unwrap();
-    assert_eq!(log, "--array=1-3\n--noheader --jobs 5 --format %T %r;;\n");
+    let (looked, log) = log.split_once('\n').unwrap();
+    assert_eq!(looked, "--noheader --all --me --format %F %k;;");
+    assert_eq!(log, "--parsable --array=1-3\n--noheader --jobs 5 --format %T %r;;\n");
     let script = std::fs::read_to_string(folder.path("out/study.sbatch")).unwrap();
     assert!(script.contains(" --threads 2 --part "), "{script}");
+    // The tasks' shells need not know what this one's says.
+    assert!(script.contains("\nexec env SUNGLINT_STATION=ufo /"), "{script}");
     assert!(folder.path("out/manifest.json").exists() && !folder.path("out/study.job").exists());
 }
 

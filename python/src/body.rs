@@ -6,18 +6,22 @@ use ndarray::{ArrayView1, ArrayView2, s};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use sunglint_formats::nearest_names;
 use sunglint_materials::look;
+use sunglint_report::Format;
+use sunglint_report::picture::PictureReport;
 use sunglint_simulator::intensity::{
     Aspect, Intensities, IntensityError, IntensityOptions, IntensityPool, IntensityWorker, Span,
 };
+use sunglint_simulator::pass::PassFile;
+use sunglint_simulator::picture::{Aim, Blur, ModelView, Shot, ShotOptions, What};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
@@ -98,6 +102,98 @@ impl Body {
     fn new(py: Python<'_>, model: String) -> PyResult<Self> {
         let target = run(py, None, move |_| target(&model))?;
         Ok(Self { target: Arc::new(target) })
+    }
+
+    /// The body of a scene's file.
+    #[staticmethod]
+    fn of_scene(py: Python<'_>, scene: PathBuf) -> PyResult<Self> {
+        let target = run(py, None, move |_| Ok(PassFile::read(&scene)?.target()?))?;
+        Ok(Self { target: Arc::new(target) })
+    }
+
+    /// A picture of the body in its true colours under the Sun, as PNG.
+    #[pyo3(signature = (size_px=320))]
+    fn picture<'py>(&self, py: Python<'py>, size_px: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let target = Target::clone(&self.target);
+        let bytes = run(py, None, move |_| {
+            let aim = Aim::of_model(target, ModelView::default())?;
+            let options = ShotOptions {
+                what: vec![What::Rgb],
+                wavelength_nm: vec![550.0],
+                per_irradiance: false,
+                size_px: Some(size_px),
+                pixel_m: None,
+                blur: Blur::None,
+            };
+            let shot = Shot::take(&aim, &options)?;
+            Ok(PictureReport { shot: &shot }.product()?.encode(Format::Png)?)
+        })?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// The light at one wavelength by the material that sent it: (n, m + 1) values and errors, the last for light that went by several; and warnings.
+    #[pyo3(signature = (sun, observer, wavelength_nm, range_m=None, tolerance=None, budget_s=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+    fn light_by_material<'py>(
+        &self,
+        py: Python<'py>,
+        sun: PyReadonlyArray2<'py, f64>,
+        observer: PyReadonlyArray2<'py, f64>,
+        wavelength_nm: f64,
+        range_m: Option<PyReadonlyArray1<'py, f64>>,
+        tolerance: Option<f64>,
+        budget_s: Option<f64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<LightErrorAndWarnings<'py>> {
+        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
+        let n = sun.len();
+        if n != observer.len() {
+            let text = format!("sun has {n} rows and observer {}", observer.len());
+            return Err(Error::new_err(text));
+        }
+        let range = range_m.as_ref().map(|r| r.as_array());
+        if let Some(range) = range.as_ref().filter(|r| r.len() != n) {
+            let text = format!("range_m has {} values, expected {n}", range.len());
+            return Err(Error::new_err(text));
+        }
+        let aspect_of = |row: usize| {
+            let mut aspect = Aspect::new(sun[row], observer[row]);
+            aspect.range_m = range.as_ref().map(|r| r[row]).filter(|r| r.is_finite());
+            aspect
+        };
+        let mut options = IntensityOptions::default();
+        options.tolerance = tolerance.unwrap_or(options.tolerance);
+        options.budget_s = budget_s.unwrap_or(options.budget_s);
+        options.wavelength_nm = vec![wavelength_nm];
+        let each = self.target.materials.len() + 1;
+        let (light, error) = (rows_of(0.0, n, each)?, rows_of(0.0, n, each)?);
+        let (light, error, warnings) = run(py, progress, move |watch| {
+            let (mut light, mut error) = (light, error);
+            let span = span_of(n, &aspect_of)?;
+            if n == 0 {
+                return Ok((light, error, Vec::new()));
+            }
+            let pool = IntensityPool::new(Intensities::new(&self.target, options, &span)?);
+            for first in (0..n).step_by(TOGETHER) {
+                watch.at("light", first, n);
+                let own = first..(first + TOGETHER).min(n);
+                let cells = own.start * each..own.end * each;
+                let rows = light[cells.clone()].par_chunks_exact_mut(each);
+                let rows = rows.zip(error[cells].par_chunks_exact_mut(each));
+                own.into_par_iter().zip(rows).try_for_each_init(
+                    || pool.worker(),
+                    |worker, (row, (light, error))| {
+                        let aspect = aspect_of(row);
+                        worker
+                            .with(|worker| worker.light_by_material(&aspect, 0, light, error))
+                            .map(drop)
+                    },
+                )?;
+            }
+            Ok((light, error, pool.all().warnings().to_vec()))
+        })?;
+        let shaped = |values: Vec<f64>| PyArray1::from_vec(py, values).reshape([n, each]);
+        Ok((shaped(light)?, shaped(error)?, warnings))
     }
 
     /// Name of the body.
@@ -307,6 +403,9 @@ impl LightEngine {
     }
 }
 
+/// Light and stated error, (n, m + 1) each, and warnings.
+type LightErrorAndWarnings<'py> =
+    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<String>);
 /// Light and stated error, (n, w) each.
 type LightAndError<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 

@@ -4,11 +4,13 @@
 
 mod archive;
 mod body;
+mod devices;
 mod lab;
 mod night;
 mod product;
 mod reading;
 mod sky;
+mod track;
 mod watch;
 mod workflows;
 
@@ -24,9 +26,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<body::Brdf>()?;
     module.add_class::<body::LightEngine>()?;
     archive::add(module)?;
+    devices::add(module)?;
     lab::add(module)?;
     night::add(module)?;
     reading::add(module)?;
     sky::add(module)?;
+    track::add(module)?;
     workflows::add(module)
 }

@@ -4,8 +4,10 @@ use crate::product::Outcome;
 use crate::sky::{AirModel, within, zero_point};
 use crate::watch::{Failure, Watch, run};
 use crate::workflows::{needed, station};
+use numpy::{PyArray1, PyArray2, PyArrayMethods as _, ToPyArray as _};
 use pyo3::prelude::*;
-use std::path::PathBuf;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
 use sunglint_calibration::apply::{self, PhaseLaw, PhotometryOptions};
 use sunglint_calibration::reduction::frames::FrameOptions;
 use sunglint_calibration::reduction::{Recipe, ReduceOptions, reduce};
@@ -14,6 +16,8 @@ use sunglint_calibration::stars::{
 };
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::Session;
+use sunglint_formats::time::format_utc;
+use sunglint_formats::{CountRecord, Frame};
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::station::Station;
 use sunglint_rehearsal::{demo, planned};
@@ -28,6 +32,109 @@ const PROGRAM: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"));
 #[pyfunction]
 fn demo_files(seed: u64) -> Vec<(&'static str, String)> {
     demo::files(seed)
+}
+
+/// The files of a shorter night with one satellite: names and texts.
+#[pyfunction]
+fn short_files(seed: u64) -> Vec<(&'static str, String)> {
+    demo::short_files(seed)
+}
+
+/// Name or file of the station that a session was recorded with, its counters and its cameras.
+#[pyfunction]
+fn session_parts(
+    py: Python<'_>,
+    folder: PathBuf,
+) -> PyResult<(Option<String>, Vec<String>, Vec<String>)> {
+    run(py, None, move |_| {
+        let session = Session::open(&folder)?;
+        let file = session.file("station/station.toml");
+        let name = &session.manifest().station;
+        let known = Station::built_in_names().into_iter().find(|n| n.eq_ignore_ascii_case(name));
+        let station = match file.to_str() {
+            Some(file) if Path::new(file).is_file() => Some(file.to_owned()),
+            _ => known.map(str::to_owned),
+        };
+        let names = |of: &mut dyn Iterator<Item = &str>| of.map(str::to_owned).collect();
+        Ok((station, names(&mut session.counters()), names(&mut session.cameras())))
+    })
+}
+
+/// The bins of a counter as arrays: names of the channels, starts (ns of UTC after 1970; ps of the counter's clock), lengths, counts and missed events (n, channels), flags.
+#[pyfunction]
+fn session_counts<'py>(
+    py: Python<'py>,
+    folder: PathBuf,
+    counter: String,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (channels, records) = run(py, None, move |watch| {
+        let counts = Session::open(&folder)?.counts(&counter)?;
+        let channels = counts.channels().to_vec();
+        let mut records = Vec::new();
+        for record in counts {
+            if watch.is_cancelled() {
+                return Err("stopped".into());
+            }
+            records.push(record?);
+        }
+        Ok((channels, records))
+    })?;
+    let out = PyDict::new(py);
+    let shape = [records.len(), channels.len()];
+    let whole = |of: fn(&CountRecord) -> i64| {
+        PyArray1::from_vec(py, records.iter().map(of).collect::<Vec<i64>>())
+    };
+    // Before 1678 and after 2262 there are no such nanoseconds, and no counters.
+    let utc_ns = |record: &CountRecord| {
+        i64::try_from(record.start.to_unix_duration().total_nanoseconds()).unwrap_or(i64::MIN)
+    };
+    out.set_item("start_utc_ns", whole(utc_ns))?;
+    out.set_item("start_ps", whole(|r| r.start_ps))?;
+    out.set_item("length_ps", whole(|r| r.length_ps))?;
+    out.set_item("flags", whole(|r| i64::from(r.flags.bits())))?;
+    let flat = |of: fn(&CountRecord) -> &Vec<u64>| {
+        PyArray1::from_vec(py, records.iter().flat_map(of).copied().collect::<Vec<u64>>())
+            .reshape(shape)
+    };
+    out.set_item("counts", flat(|r| &r.counts)?)?;
+    out.set_item("missed", flat(|r| &r.missed)?)?;
+    out.set_item("channels", channels)?;
+    Ok(out)
+}
+
+/// The frames of a camera: numbers and files; none is read.
+#[pyfunction]
+fn session_frames(
+    py: Python<'_>,
+    folder: PathBuf,
+    camera: String,
+) -> PyResult<Vec<(u64, PathBuf)>> {
+    run(py, None, move |_| {
+        let frames = Session::open(&folder)?.frames(&camera)?;
+        Ok(frames.files.into_iter().map(|frame| (frame.sequence, frame.path)).collect())
+    })
+}
+
+/// A frame of a session: its pixels, and what is known of it.
+#[pyfunction]
+fn read_frame<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+) -> PyResult<(Bound<'py, PyArray2<u16>>, Bound<'py, PyDict>)> {
+    let frame = run(py, None, move |_| Ok(Frame::read(&path)?))?;
+    let about = PyDict::new(py);
+    about.set_item("start_utc", format_utc(frame.start, 9))?;
+    about.set_item("exposure_s", frame.exposure_s)?;
+    about.set_item("gain_e_per_adu", frame.gain_e_per_adu)?;
+    about.set_item("saturation_adu", frame.saturation_adu)?;
+    about.set_item("temperature_c", frame.temperature_c)?;
+    about.set_item("origin_px", frame.origin)?;
+    about.set_item("binning", frame.binning)?;
+    about.set_item("bayer", frame.bayer.map(|bayer| bayer.name()))?;
+    let text = |key: &str| frame.header.get(key).and_then(|v| v.text()).map(str::to_owned);
+    about.set_item("target", text("OBJECT"))?;
+    about.set_item("filter", text("FILTER"))?;
+    Ok((frame.pixels.to_pyarray(py), about))
 }
 
 /// Observes a virtual night into a session's folder.
@@ -232,6 +339,11 @@ fn apply_calibration(
 /// Adds the functions to the module.
 pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(demo_files, module)?)?;
+    module.add_function(wrap_pyfunction!(short_files, module)?)?;
+    module.add_function(wrap_pyfunction!(session_parts, module)?)?;
+    module.add_function(wrap_pyfunction!(session_counts, module)?)?;
+    module.add_function(wrap_pyfunction!(session_frames, module)?)?;
+    module.add_function(wrap_pyfunction!(read_frame, module)?)?;
     module.add_function(wrap_pyfunction!(observe_virtual, module)?)?;
     module.add_function(wrap_pyfunction!(check_session, module)?)?;
     module.add_function(wrap_pyfunction!(reduce_session, module)?)?;

@@ -4,6 +4,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use sunglint_formats::{Table, Values};
+use sunglint_report::plot::Style;
 use sunglint_report::{Format, Product};
 
 /// A result in all its forms.
@@ -87,6 +88,69 @@ impl Outcome {
     #[getter]
     fn has_figure(&self) -> bool {
         self.product.figure.is_some() || self.product.gallery.is_some() || !self.pictures.is_empty()
+    }
+
+    /// The panels of the figure, top to bottom: axes, series as arrays, shaded spans, a field of values.
+    fn panels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let list = PyList::empty(py);
+        let figure = self.product.figure.as_ref();
+        for panel in figure.map_or(&[][..], |figure| &figure.panels) {
+            let one = PyDict::new(py);
+            for (name, axis) in [("x", &panel.x), ("y", &panel.y)] {
+                let own = PyDict::new(py);
+                own.set_item("label", &axis.label)?;
+                own.set_item("range", axis.range)?;
+                own.set_item("log", axis.log)?;
+                own.set_item("inverted", axis.inverted)?;
+                one.set_item(name, own)?;
+            }
+            let all = PyList::empty(py);
+            for series in &panel.series {
+                let own = PyDict::new(py);
+                let column = |of: fn(&(f64, f64)) -> f64| {
+                    PyArray1::from_vec(py, series.points.iter().map(of).collect::<Vec<f64>>())
+                };
+                own.set_item("label", &series.label)?;
+                own.set_item("x", column(|point| point.0))?;
+                own.set_item("y", column(|point| point.1))?;
+                own.set_item(
+                    "style",
+                    match series.style {
+                        Style::Line => "line",
+                        Style::Dots => "dots",
+                        Style::Area => "area",
+                    },
+                )?;
+                let colour = series.colour;
+                own.set_item("colour", (colour.0, colour.1, colour.2))?;
+                own.set_item("dash", series.dash)?;
+                all.append(own)?;
+            }
+            one.set_item("series", all)?;
+            let spans = PyList::empty(py);
+            for span in &panel.spans {
+                let colour = (span.colour.0, span.colour.1, span.colour.2);
+                spans.append((&span.label, span.range.0, span.range.1, colour))?;
+            }
+            one.set_item("spans", spans)?;
+            if let Some(heat) = &panel.heat {
+                let own = PyDict::new(py);
+                own.set_item("x_edges", PyArray1::from_slice(py, &heat.x_edges))?;
+                own.set_item("y_edges", PyArray1::from_slice(py, &heat.y_edges))?;
+                own.set_item("values", PyArray1::from_slice(py, &heat.values))?;
+                own.set_item("label", heat.label.join("\n"))?;
+                own.set_item("decades", heat.decades)?;
+                one.set_item("heat", own)?;
+            }
+            list.append(one)?;
+        }
+        Ok(list)
+    }
+
+    /// Title of the figure; `None` where there is none.
+    #[getter]
+    fn title(&self) -> Option<&str> {
+        self.product.figure.as_ref().map(|figure| figure.title.as_str())
     }
 
     /// The bytes of a form: `ecsv`, `csv`, `fits`, `json`, `html`, `png` or `svg`.

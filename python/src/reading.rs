@@ -3,7 +3,7 @@
 use crate::product::Outcome;
 use crate::sky::AirModel;
 use crate::watch::{Failure, Watch, run};
-use crate::workflows::{Reading, moment, needed, pass, station, unknown};
+use crate::workflows::{Reading, moment, needed, pass, station_for, station_or_usual, unknown};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use sunglint_analysis::curves::{Curves, Trends};
@@ -47,7 +47,7 @@ fn fold(
         let keeps = |what: &str| keep.iter().any(|k| k == what);
         let mut all = Curves::read(&curves, &reading.options()?, &channels)?;
         let named = station.as_deref();
-        let own = if keeps("air") { None } else { self::station(named)? };
+        let own = if keeps("air") { None } else { station_or_usual(named)? };
         if !keeps("air") && own.is_none() && all.has_rates() {
             all.warnings.push("the air is not removed: no station says through which air and with which channels (station=; keep=[\"air\"] to say nothing)".into());
         }
@@ -115,7 +115,9 @@ fn unmix(
             }
             None => {
                 let station = match sampled.needs_station(no_air) {
-                    true => Some(needed("station or scene", self::station(station.as_deref())?)?),
+                    true => {
+                        Some(needed("station or scene", station_or_usual(station.as_deref())?)?)
+                    }
                     false => None,
                 };
                 let air = match &station {
@@ -231,14 +233,8 @@ fn attitude_of(
         options.search = attitude::Options { seed, axes, all_light: !direct_only };
         let mut curves = joined(&inputs, &reading.options()?)?;
         for curve in &mut curves {
-            curve.station = match self::station(station.as_deref())? {
-                Some(station) => Some(station),
-                None if curve.scene.names_station() => None,
-                None => {
-                    let path = curve.scene.path.display();
-                    return Err(format!("{path}: no station: give station=").into());
-                }
-            };
+            let scene = &curve.scene;
+            curve.station = station_for(scene.names_station(), &scene.path, station.as_deref())?;
         }
         let found = attitude::analyse(curves, &options, watch)?;
         let scene = found.scene.iter();

@@ -2,7 +2,7 @@
 
 use crate::product::{Outcome, columns};
 use crate::watch::{Error, Failure, Watch, exception, run};
-use numpy::PyReadonlyArray2;
+use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,12 @@ use sunglint_analysis::period::{Options as Search, PeriodOptions, find_period};
 use sunglint_analysis::sessions::{self, find_over_sessions};
 use sunglint_calibration::field_stars::System;
 use sunglint_calibration::photometry::field::{FieldOptions, find};
+use sunglint_calibration::photometry::{
+    Expected, FrameCalibration, FrameReducer, PhotometryOptions, PlaneMeasurement,
+};
 use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
+use sunglint_formats::Frame;
+use sunglint_formats::fits::Header;
 use sunglint_formats::photometry::{self, ColumnNames, Scale};
 use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
 use sunglint_inference::fit::{FitOptions, FreeParameter, fit};
@@ -51,19 +56,52 @@ pub fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
     .into())
 }
 
-/// A scene as a pass, with the station that was named or its own.
-pub fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
-    let file = PassFile::read(path)?;
-    overrides.station = station(named)?;
-    if overrides.station.is_none() && !file.names_station() {
-        return Err(format!(
-            "{}: no station: the scene names none in [station]; give station= with a built-in name ({}) or a file",
+/// Name of the station that the surroundings say, as for the program: that of the environment, else the file in the folder where Python runs.
+#[pyfunction]
+pub fn usual_station() -> Option<String> {
+    let told = std::env::var("SUNGLINT_STATION").ok().filter(|name| !name.is_empty());
+    told.or_else(|| Path::new("station.toml").is_file().then(|| "station.toml".to_owned()))
+}
+
+/// The station that was named, else the one that the surroundings say.
+pub fn station_or_usual(named: Option<&str>) -> Result<Option<Station>, Failure> {
+    match named {
+        Some(_) => station(named),
+        None => station(usual_station().as_deref()),
+    }
+}
+
+/// The station of a scene, which may have its own: the one that was named, else the scene's own (`None`), else the one that the surroundings say.
+pub fn station_for(
+    has_own: bool,
+    path: &Path,
+    named: Option<&str>,
+) -> Result<Option<Station>, Failure> {
+    if named.is_none() && has_own {
+        return Ok(None);
+    }
+    match station_or_usual(named)? {
+        Some(station) => Ok(Some(station)),
+        None => Err(format!(
+            "{}: no station: the scene names none in [station]; give station= with a built-in name ({}) or a file, set SUNGLINT_STATION, or put a station.toml here",
             path.display(),
             Station::built_in_names().join(", ")
         )
-        .into());
+        .into()),
     }
+}
+
+/// A scene as a pass, with the station that was named, its own, or the usual one.
+pub fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
+    let file = PassFile::read(path)?;
+    overrides.station = station_for(file.names_station(), path, named)?;
     Ok(file.resolve(overrides)?)
+}
+
+/// Names of the built-in stations.
+#[pyfunction]
+fn built_in_stations() -> Vec<&'static str> {
+    Station::built_in_names()
 }
 
 /// A moment in UTC of a text.
@@ -183,41 +221,55 @@ fn simulate(
     })
 }
 
-/// Makes the missing shards of a study, or of a part of it; the report as JSON.
+/// Makes the missing shards of a study, or of a part of it, with as many threads; the report as JSON. `usual` is the station of a scene that names none.
 #[pyfunction]
-#[pyo3(signature = (study, output, station=None, part=1, of=1, progress=None))]
+#[pyo3(signature = (study, output, station=None, usual=None, part=1, of=1, threads=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn run_study(
     py: Python<'_>,
     study: PathBuf,
     output: PathBuf,
     station: Option<String>,
+    usual: Option<String>,
     part: usize,
     of: usize,
+    threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     run(py, progress, move |watch| {
-        let study = read_study(&study, station.as_deref())?;
-        let ran = sunglint_study::run::run(&study, &output, Part { part, of }, watch)?;
+        let study = read_study(&study, station.as_deref(), usual.as_deref())?;
+        let make = || sunglint_study::run::run(&study, &output, Part { part, of }, watch);
+        let ran = match threads {
+            None => make(),
+            Some(threads) => {
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(make)
+            }
+        }?;
         Ok(serde_json::to_string(&ran.report)?)
     })
 }
 
-/// Points, tasks and shards of a study.
+/// Number of shards of a study, and which of them are missing in its folder, which is made where it is not there.
 #[pyfunction]
-#[pyo3(signature = (study, station=None))]
-fn size_of_study(
+#[pyo3(signature = (study, output, station=None, usual=None))]
+fn missing_shards(
     py: Python<'_>,
     study: PathBuf,
+    output: PathBuf,
     station: Option<String>,
-) -> PyResult<(usize, usize, usize)> {
+    usual: Option<String>,
+) -> PyResult<(usize, Vec<usize>)> {
     run(py, None, move |_| {
-        let study = read_study(&study, station.as_deref())?;
-        Ok((study.points.len(), study.tasks(), study.shards()))
+        let study = read_study(&study, station.as_deref(), usual.as_deref())?;
+        sunglint_study::run::prepare(&study, &output)?;
+        sunglint_study::run::refresh(&study, &output);
+        Ok((study.shards(), sunglint_study::run::missing(&study, &output)))
     })
 }
 
-fn read_study(path: &Path, named: Option<&str>) -> Result<Study, Failure> {
-    Ok(Study::read(path, Stations { instead: station(named)?, usual: None })?)
+fn read_study(path: &Path, named: Option<&str>, usual: Option<&str>) -> Result<Study, Failure> {
+    let usual = if usual.is_some() { station(usual)? } else { station_or_usual(None)? };
+    Ok(Study::read(path, Stations { instead: station(named)?, usual })?)
 }
 
 /// Effects that a pass needs.
@@ -318,17 +370,8 @@ fn fit_passes(
         options.iterations = iterations.unwrap_or(of_scene.iterations).min(10_000);
         options.seed = seed;
         for curve in &mut curves {
-            curve.station = match self::station(station.as_deref())? {
-                Some(station) => Some(station),
-                None if curve.scene.names_station() => None,
-                None => {
-                    return Err(format!(
-                        "{}: no station: give station=",
-                        curve.scene.path.display()
-                    )
-                    .into());
-                }
-            };
+            let scene = &curve.scene;
+            curve.station = station_for(scene.names_station(), &scene.path, station.as_deref())?;
         }
         let answer = fit(&curves, &options, watch)?;
         let product = sunglint_report::fit::product(&answer)?;
@@ -378,7 +421,7 @@ fn period_of(
             Some("apart") => false,
             Some(other) => return Err(unknown("sessions", other, "auto, joined or apart")),
         };
-        let station = self::station(station.as_deref())?;
+        let station = station_or_usual(station.as_deref())?;
         if station.is_none() && all.has_rates() {
             all.warnings.push(
                 "the air is not removed: no station says through which air and with which channels"
@@ -467,6 +510,83 @@ fn detect(
     run(py, None, move |_| Ok(serde_json::to_string(&find(own.view(), &options)?)?))
 }
 
+/// Light within apertures at places of a frame that are given: columns of numbers, one for each place.
+#[pyfunction]
+#[pyo3(signature = (pixels, places_px, radius_px=8.0, annulus_px=[12.0, 20.0], fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=1.0, read_noise_e=0.0, saturation_adu=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn aperture<'py>(
+    py: Python<'py>,
+    pixels: PyReadonlyArray2<'py, u16>,
+    places_px: PyReadonlyArray2<'py, f64>,
+    radius_px: f64,
+    annulus_px: [f64; 2],
+    fwhm_px: f64,
+    exposure_s: f64,
+    gain_e_per_adu: f64,
+    read_noise_e: f64,
+    saturation_adu: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let places = places_px.as_array();
+    if places.ncols() != 2 {
+        let text = format!("places_px has the shape {:?}, expected (n, 2)", places.shape());
+        return Err(Error::new_err(text));
+    }
+    let places: Vec<[f64; 2]> = places.rows().into_iter().map(|row| [row[0], row[1]]).collect();
+    // The array is the caller's, and its pages may change under another thread: one copy.
+    let pixels = pixels.as_array().to_owned();
+    let found = run(py, None, move |watch| {
+        crate::sky::within("exposure_s", exposure_s, 1e-9, 86_400.0)?;
+        crate::sky::within("gain_e_per_adu", gain_e_per_adu, 1e-9, 1e9)?;
+        let side = |axis| u32::try_from(pixels.len_of(ndarray::Axis(axis)));
+        let mut options = PhotometryOptions::new([side(1)?, side(0)?], read_noise_e);
+        options.aperture_radius_px = radius_px;
+        options.annulus_px = annulus_px;
+        options.fwhm_px = fwhm_px;
+        let frame = Frame {
+            pixels,
+            origin: [0, 0],
+            binning: [1, 1],
+            bayer: None,
+            start: hifitime::Epoch::from_gregorian_utc_at_midnight(2000, 1, 1),
+            exposure_s,
+            gain_e_per_adu: Some(gain_e_per_adu),
+            temperature_c: None,
+            saturation_adu,
+            header: Header::default(),
+        };
+        let mut reducer = FrameReducer::new(options, FrameCalibration::default())?;
+        let mut rows = Vec::with_capacity(places.len());
+        for (i, place) in places.iter().enumerate() {
+            watch.at("apertures", i, places.len());
+            if !place.iter().all(|p| p.is_finite()) {
+                return Err(format!("place {i} is {place:?}, expected a column and a row").into());
+            }
+            let measured = reducer.measure_at(&frame, *place, &Expected::default())?;
+            rows.push(*measured.planes.first().ok_or("a frame without planes")?);
+        }
+        Ok(rows)
+    })?;
+    let out = PyDict::new(py);
+    let column = |of: fn(&PlaneMeasurement) -> f64| {
+        PyArray1::from_vec(py, found.iter().map(of).collect::<Vec<f64>>())
+    };
+    out.set_item("rate_adu_per_s", column(|m| m.rate_adu_per_s))?;
+    out.set_item("sigma_adu_per_s", column(|m| m.sigma.total()))?;
+    out.set_item("background_adu", column(|m| m.background_adu))?;
+    out.set_item("background_sigma_adu", column(|m| m.background_sigma_adu))?;
+    out.set_item("area_px2", column(|m| m.area_px2))?;
+    out.set_item("masked_fraction", column(|m| m.masked_fraction))?;
+    let whole = |of: fn(&PlaneMeasurement) -> i64| {
+        PyArray1::from_vec(py, found.iter().map(of).collect::<Vec<i64>>())
+    };
+    out.set_item(
+        "saturated_pixels",
+        whole(|m| i64::try_from(m.saturated_pixels).unwrap_or(i64::MAX)),
+    )?;
+    out.set_item("flags", whole(|m| i64::from(m.flags.bits())))?;
+    Ok(out)
+}
+
 /// Frames of any program, reduced to a light curve.
 #[pyfunction]
 #[pyo3(signature = (files, place_px=None, along=1, darks=Vec::new(), flats=Vec::new(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None))]
@@ -546,12 +666,15 @@ pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(needs, module)?)?;
     module.add_function(wrap_pyfunction!(run_study, module)?)?;
-    module.add_function(wrap_pyfunction!(size_of_study, module)?)?;
+    module.add_function(wrap_pyfunction!(missing_shards, module)?)?;
+    module.add_function(wrap_pyfunction!(usual_station, module)?)?;
+    module.add_function(wrap_pyfunction!(built_in_stations, module)?)?;
     module.add_function(wrap_pyfunction!(compare_pass, module)?)?;
     module.add_function(wrap_pyfunction!(fit_passes, module)?)?;
     module.add_function(wrap_pyfunction!(period_of, module)?)?;
     module.add_function(wrap_pyfunction!(read_photometry, module)?)?;
     module.add_function(wrap_pyfunction!(detect, module)?)?;
+    module.add_function(wrap_pyfunction!(aperture, module)?)?;
     module.add_function(wrap_pyfunction!(reduce, module)?)?;
     module.add_function(wrap_pyfunction!(read_table, module)?)?;
     module.add_function(wrap_pyfunction!(_nothing, module)?)?;

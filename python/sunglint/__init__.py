@@ -17,6 +17,7 @@ from __future__ import annotations
 import json as _json
 import os as _os
 import tempfile as _tempfile
+from collections.abc import Mapping as _Mapping
 from dataclasses import dataclass as _dataclass
 
 import numpy as _np
@@ -25,18 +26,24 @@ from . import _core
 from ._core import Error, __version__
 
 __all__ = [
+    "Applied",
     "ArchiveResult",
+    "Assembled",
     "Body",
     "Brdf",
     "Calibration",
     "Curve",
+    "Device",
     "Engine",
     "Error",
     "Field",
     "FitResult",
+    "Frame",
     "Light",
     "Material",
+    "MaterialLight",
     "Night",
+    "Readings",
     "Reduced",
     "Result",
     "Scene",
@@ -44,26 +51,34 @@ __all__ = [
     "StudyResult",
     "Table",
     "air",
+    "aperture",
     "apply",
     "archive",
+    "assemble",
     "attitude",
     "body_map",
     "calibrate",
     "compare",
     "demo_night",
     "detect",
+    "devices",
+    "drivers",
     "fit",
     "fit_material",
     "fold",
     "ndf",
     "passes",
     "period",
+    "plan",
     "read_photometry",
     "read_table",
     "reduce",
+    "retro",
     "star",
     "study",
+    "track",
     "unmix",
+    "virtual_night",
     "__version__",
 ]
 
@@ -128,6 +143,15 @@ class Table(dict):
     """Columns of a result: a dict of names and arrays, with ``units``, ``descriptions`` and ``meta``.
 
     Texts are object arrays; times are ISO 8601 texts in UTC, which :meth:`times` turns into ``datetime64[ns]``.
+    A table is also a callable that gives itself: ``result.table()`` and ``result.table`` are the same.
+
+    Parameters
+    ----------
+    name : str
+    columns : sequence of dict
+        ``name``, ``unit``, ``description`` and ``values`` of each column.
+    meta : dict or str
+        Metadata, or its JSON.
     """
 
     def __init__(self, name, columns, meta):
@@ -155,13 +179,21 @@ class Table(dict):
     def __len__(self):
         return super().__len__()
 
+    def __call__(self):
+        return self
+
     @property
     def rows(self):
         """Number of rows."""
         return len(next(iter(self.values()))) if self else 0
 
     def times(self, column="time_utc"):
-        """A column of times as ``datetime64[ns]`` (UTC; within a leap second the last nanosecond before it)."""
+        """A column of times as ``datetime64[ns]`` (UTC; within a leap second the last nanosecond before it).
+
+        Parameters
+        ----------
+        column : str
+        """
         texts = [str(t).rstrip("Z") for t in self[column]]
         clean = [t.replace(":60", ":59.999999999", 1).split(".999999999.")[0] if ":60" in t[-13:] else t for t in texts]
         return _np.array(clean, dtype="datetime64[ns]")
@@ -180,19 +212,88 @@ class Table(dict):
         return pandas.DataFrame(flat)
 
     def to_astropy(self):
-        """An ``astropy.table.QTable`` with units."""
+        """An ``astropy.table.QTable``: columns with units are quantities, those of times in UTC are ``Time``."""
         from astropy import units
         from astropy.table import QTable
+        from astropy.time import Time
 
         table = QTable(meta=dict(self.meta))
         for name, values in self.items():
             unit = self.units[name]
             numeric = getattr(values, "dtype", None) is not None and values.dtype != object
-            table[name] = values * units.Unit(unit) if unit and numeric else (values if numeric else values.astype(str))
+            if name.endswith("_utc") and not numeric and len(values) and all(isinstance(v, str) and v for v in values):
+                table[name] = Time([v.rstrip("Z") for v in values], format="isot", scale="utc", precision=9)
+            else:
+                table[name] = values * units.Unit(unit) if unit and numeric else (values if numeric else values.astype(str))
         return table
+
+    def _repr_html_(self):
+        import html
+
+        rows = []
+        for name, values in self.items():
+            unit = html.escape(self.units[name] or "")
+            if getattr(values, "ndim", 1) == 1 and getattr(values, "dtype", object) != object and values.dtype.kind in "fiu":
+                good = values[_np.isfinite(values)] if values.dtype.kind == "f" else values
+                span = f"{good.min():.6g} … {good.max():.6g}" if len(good) else "no value"
+                what = f"<td>{span}</td><td>{_small_curve(values)}</td>"
+            else:
+                ends = [str(values[0]), str(values[-1])] if len(values) else ["no value"]
+                what = f"<td colspan=2>{html.escape(' … '.join(dict.fromkeys(ends)))}</td>"
+            rows.append(f"<tr><td>{html.escape(name)}</td><td>{unit}</td>{what}</tr>")
+        return f"<p>{html.escape(self.name)}: {self.rows} rows</p><table>{''.join(rows)}</table>"
 
     def __repr__(self):
         return f"<sunglint.Table {self.name}: {self.rows} rows, columns {', '.join(self)}>"
+
+
+def _small_curve(values):
+    """A column as a line of 120 by 24 pixels, SVG."""
+    values = _np.asarray(values, dtype=float)
+    places = _np.unique(_np.linspace(0, max(len(values) - 1, 0), 120).round().astype(int)) if len(values) else []
+    points = [(k, values[k]) for k in places if _np.isfinite(values[k])]
+    if len(points) < 2:
+        return ""
+    low, high = min(v for _, v in points), max(v for _, v in points)
+    last = max(len(values) - 1, 1)
+    line = " ".join(f"{118 * k / last + 1:.1f},{23 - 22 * ((v - low) / (high - low) if high > low else 0.5):.1f}" for k, v in points)
+    return f'<svg width="120" height="24"><polyline points="{line}" fill="none" stroke="#0072b2"/></svg>'
+
+
+def _draw_panel(panel, ax):
+    """A panel of the program's figure on matplotlib's axes."""
+    from matplotlib import colors
+
+    for label, first, last, colour in panel["spans"]:
+        known = label in ax.get_legend_handles_labels()[1]
+        ax.axvspan(first, last, color=_np.array(colour) / 255, zorder=0, label=None if known else label)
+    heat = panel.get("heat")
+    if heat is not None:
+        shape = (len(heat["x_edges"]) - 1, len(heat["y_edges"]) - 1)
+        most = _np.nanmax(heat["values"])
+        norm = colors.Normalize(0, most) if heat["decades"] is None else colors.LogNorm(most / 10 ** heat["decades"], most)
+        mesh = ax.pcolormesh(heat["x_edges"], heat["y_edges"], heat["values"].reshape(shape).T, norm=norm)
+        ax.figure.colorbar(mesh, ax=ax, label=heat["label"])
+    for series in panel["series"]:
+        colour, label = _np.array(series["colour"]) / 255, series["label"] or None
+        if series["style"] == "dots":
+            ax.plot(series["x"], series["y"], ".", ms=3, color=colour, label=label)
+        elif series["style"] == "area":
+            ax.fill_between(series["x"], series["y"], color=colour, label=label)
+        else:
+            ax.plot(series["x"], series["y"], ("-", "--", ":", "-.")[series["dash"] % 4], color=colour, label=label)
+    for axis, scale, limit, named in ((panel["x"], ax.set_xscale, ax.set_xlim, ax.set_xlabel), (panel["y"], ax.set_yscale, ax.set_ylim, ax.set_ylabel)):
+        named(axis["label"])
+        if axis["log"]:
+            scale("log")
+        if axis["range"] is not None:
+            limit(*axis["range"])
+    if panel["x"]["inverted"]:
+        ax.invert_xaxis()
+    if panel["y"]["inverted"]:
+        ax.invert_yaxis()
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(fontsize="small")
 
 
 class Result:
@@ -280,7 +381,12 @@ class Result:
         return self.table.to_astropy()
 
     def encode(self, form):
-        """The bytes of a form: ``ecsv``, ``csv``, ``fits``, ``json``, ``html``, ``png`` or ``svg``."""
+        """The bytes of a form: ``ecsv``, ``csv``, ``fits``, ``json``, ``html``, ``png`` or ``svg``.
+
+        Parameters
+        ----------
+        form : str
+        """
         if self._state is not None:
             if form in self._state["forms"]:
                 return self._state["forms"][form]
@@ -288,7 +394,12 @@ class Result:
         return bytes(self._outcome.encode(form))
 
     def write(self, path):
-        """Writes the form that the ending of the path names; what is there is not overwritten."""
+        """Writes the form that the ending of the path names; what is there is not overwritten.
+
+        Parameters
+        ----------
+        path : str or path
+        """
         path = _path(path)
         data = self.encode(path.rsplit(".", 1)[-1].lower())
         with open(path, "xb") as file:
@@ -304,18 +415,47 @@ class Result:
                 file.write(self.encode("ecsv"))
         return self._path
 
+    @property
+    def _panels(self):
+        return self._state["panels"] if self._state is not None else self._outcome.panels()
+
     def plot(self, ax=None):
-        """Draws the figure with matplotlib, as the program draws it; gives the axes."""
+        """Draws the figure's panels with matplotlib.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+            Where to draw: one for each panel; a single one gets the first panel. New ones without it.
+
+        Returns
+        -------
+        Axes or ndarray of Axes
+            One for one panel, else one for each. A result that is a picture is shown as it is.
+        """
         import io
 
         from matplotlib import pyplot
 
-        picture = pyplot.imread(io.BytesIO(self.encode("png")), format="png")
+        panels = self._panels
+        if not panels:
+            picture = pyplot.imread(io.BytesIO(self.encode("png")), format="png")
+            if ax is None:
+                _, ax = pyplot.subplots(figsize=(picture.shape[1] / 200, picture.shape[0] / 200))
+            ax.imshow(picture)
+            ax.set_axis_off()
+            return ax
         if ax is None:
-            _, ax = pyplot.subplots(figsize=(picture.shape[1] / 200, picture.shape[0] / 200))
-        ax.imshow(picture)
-        ax.set_axis_off()
-        return ax
+            figure, axes = pyplot.subplots(len(panels), squeeze=False, figsize=(8, 1 + 2.6 * len(panels)), layout="constrained")
+            axes = axes[:, 0]
+            figure.suptitle(self._get("title") or self.name)
+        else:
+            axes = _np.atleast_1d(_np.asarray(ax, dtype=object))
+            panels = panels[:1] if len(axes) == 1 else panels
+            if len(axes) != len(panels):
+                raise ValueError(f"{len(axes)} axes for {len(panels)} panels")
+        for panel, one in zip(panels, axes):
+            _draw_panel(panel, one)
+        return axes[0] if len(axes) == 1 else axes
 
     @property
     def _has_figure(self):
@@ -328,8 +468,8 @@ class Result:
                 forms[form] = self.encode(form)
             except Error:
                 pass
-        state = {k: self._get(k) for k in ("name", "text", "warnings", "files", "has_figure")}
-        state.update(json=self.to_json(), forms=forms)
+        state = {k: self._get(k) for k in ("name", "text", "warnings", "files", "has_figure", "title")}
+        state.update(json=self.to_json(), forms=forms, panels=self._panels)
         return (_restored, (type(self), state, self.tables, {k: v for k, v in self.__dict__.items() if not k.startswith("_")}))
 
     def __repr__(self):
@@ -403,6 +543,46 @@ class Light:
         return len(self.phase_deg)
 
 
+@_dataclass(frozen=True)
+class MaterialLight:
+    """The light of a body for n geometries at one wavelength, by the m materials that sent it.
+
+    It is an array of shape (n, m) wherever numpy takes one: ``numpy.asarray(light)``.
+
+    Attributes
+    ----------
+    materials : list of str
+        Names of the columns.
+    per_irradiance_m2_per_sr : ndarray (n, m)
+        Radiant intensity over the Sun's irradiance, m² sr⁻¹, of the light that the material sent last and alone.
+    error_m2_per_sr : ndarray (n, m)
+        Stated error of it, a bound.
+    several_m2_per_sr, several_error_m2_per_sr : ndarray (n,)
+        Light that went by several materials, and what else is stated as an error.
+    wavelength_nm : float
+    warnings : list of str
+    """
+
+    materials: list
+    per_irradiance_m2_per_sr: _np.ndarray
+    error_m2_per_sr: _np.ndarray
+    several_m2_per_sr: _np.ndarray
+    several_error_m2_per_sr: _np.ndarray
+    wavelength_nm: float
+    warnings: list
+
+    @property
+    def shape(self):
+        """The shape (n, m)."""
+        return self.per_irradiance_m2_per_sr.shape
+
+    def __len__(self):
+        return len(self.per_irradiance_m2_per_sr)
+
+    def __array__(self, dtype=None, copy=None):
+        return _np.array(self.per_irradiance_m2_per_sr, dtype=dtype, copy=bool(copy) or None)
+
+
 class Body:
     """A body that reflects: a built-in target (``box_wing``, ``hexagon`` …) or the file of one.
 
@@ -414,6 +594,20 @@ class Body:
     def __init__(self, model):
         self._model = _path(model)
         self._body = _core.Body(self._model)
+
+    @classmethod
+    def of_scene(cls, path):
+        """The body of a scene's file.
+
+        Parameters
+        ----------
+        path : str or path
+        """
+        body = cls.__new__(cls)
+        body._model = None
+        body._scene = _path(path)
+        body._body = _core.Body.of_scene(body._scene)
+        return body
 
     @property
     def name(self):
@@ -447,6 +641,7 @@ class Body:
             Model what may change the light by more than this share; 0.001.
         budget_s : float, optional
             Work that a geometry's light between surfaces may cost, CPU seconds.
+        progress : callable (stage, done, of) or tqdm bar, optional
 
         Returns
         -------
@@ -481,7 +676,48 @@ class Body:
         wavelengths = _np.atleast_1d(_value(wavelength_nm, "nm")).astype(float).tolist()
         return Engine(self, wavelengths, _value(range_m, "m"), _value(sun_distance_au, "AU"), tolerance, budget_s)
 
+    def light_by_material(self, sun, observer, wavelength_nm=550.0, range_m=None, tolerance=None, budget_s=None, progress=None):
+        """The light at one wavelength by the material that sent it.
+
+        Parameters
+        ----------
+        sun, observer : array_like (n, 3)
+            Unit vectors, body axes.
+        wavelength_nm : float or Quantity
+            Vacuum wavelength.
+        range_m : array_like (n,) or Quantity, optional
+            Distances to the observer; without them it is far away.
+        tolerance, budget_s : float, optional
+            As for :meth:`light`.
+        progress : callable (stage, done, of) or tqdm bar, optional
+
+        Returns
+        -------
+        MaterialLight
+        """
+        sun, observer = _vectors(sun), _vectors(observer)
+        if range_m is not None:
+            range_m = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (len(sun),)), dtype=float)
+        nm = float(_value(wavelength_nm, "nm"))
+        light, error, warnings = self._body.light_by_material(sun, observer, nm, range_m, tolerance, budget_s, _callback(progress))
+        return MaterialLight(self.materials, light[:, :-1], error[:, :-1], light[:, -1], error[:, -1], nm, warnings)
+
+    def picture(self, size_px=320):
+        """A picture of the body in the colours of sunlight, as the bytes of a PNG file.
+
+        Parameters
+        ----------
+        size_px : int
+            Pixels across and down.
+        """
+        return bytes(self._body.picture(size_px))
+
+    def _repr_png_(self):
+        return self.picture()
+
     def __reduce__(self):
+        if self._model is None:
+            return (Body.of_scene, (self._scene,))
         return (Body, (self._model,))
 
     def __repr__(self):
@@ -544,15 +780,35 @@ class Brdf:
         self._brdf = _core.Brdf(*self._args)
 
     def evaluate(self, wavelength_nm, light, observer):
-        """The BRDF, sr⁻¹, for (n, 3) unit vectors to light and observer; z is the normal, x the tangent. Below the surface it is 0."""
+        """The BRDF, sr⁻¹, for (n, 3) unit vectors to light and observer; z is the normal, x the tangent. Below the surface it is 0.
+
+        Parameters
+        ----------
+        wavelength_nm : float or Quantity
+            Vacuum wavelength.
+        light, observer : array_like (n, 3)
+            Unit vectors.
+        """
         return self._brdf.evaluate(float(_value(wavelength_nm, "nm")), _vectors(light), _vectors(observer))
 
     def albedo(self, wavelength_nm, theta_i_deg=0.0):
-        """Hemispherical reflectance for light at an angle of incidence."""
+        """Hemispherical reflectance for light at an angle of incidence.
+
+        Parameters
+        ----------
+        wavelength_nm : float or Quantity
+            Vacuum wavelength.
+        theta_i_deg : float or Quantity
+        """
         return self._brdf.albedo(float(_value(wavelength_nm, "nm")), float(_value(theta_i_deg, "deg")))
 
     def show(self, phi_i_deg=0.0):
         """What the material does at the wavelength that it was read for: reflectance, peak and width by angle of incidence, with a figure.
+
+        Parameters
+        ----------
+        phi_i_deg : float or Quantity
+            Azimuth of the light.
 
         Returns
         -------
@@ -613,6 +869,8 @@ class Curve:
         magnitude : array_like (n,)
         sigma_mag, exposure_s : array_like (n,) or float, optional
         filter : sequence of str or str, optional
+        target : str, optional
+            Name of the target.
         """
         if hasattr(time_utc, "isot"):
             moment = time_utc.utc.copy()
@@ -638,7 +896,12 @@ class Curve:
         return read_photometry(path, _keep=keep)
 
     def plot(self, ax=None):
-        """Draws magnitudes against seconds with matplotlib, a colour for each filter; gives the axes."""
+        """Draws magnitudes against seconds with matplotlib, a colour for each filter; gives the axes.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+        """
         from matplotlib import pyplot
 
         if ax is None:
@@ -713,6 +976,10 @@ def read_photometry(path, time_column=None, time_scale=None, magnitude_column=No
 def read_table(path):
     """Reads a table in ECSV, as the program writes them.
 
+    Parameters
+    ----------
+    path : str or path
+
     Returns
     -------
     Table
@@ -780,7 +1047,13 @@ class Scene:
 
     @classmethod
     def load(cls, path, station=None):
-        """The same as ``Scene(path, station)``."""
+        """The same as ``Scene(path, station)``.
+
+        Parameters
+        ----------
+        path : str or path
+        station : str, optional
+        """
         return cls(path, station)
 
     def simulate(self, start=None, end=None, step_s=None, tolerance=None, budget_s=None, progress=None):
@@ -809,12 +1082,58 @@ class Scene:
         )
 
     def explain(self, tolerance=None):
-        """What the pass needs, effect by effect, with bounds, reasons and costs."""
+        """What the pass needs, effect by effect, with bounds, reasons and costs.
+
+        Parameters
+        ----------
+        tolerance : float, optional
+            Model what may change the light by more than this share; 0.001.
+        """
         return Result(_core.needs(self.path, self.station, tolerance))
 
     def compare(self, curve, **options):
-        """The same as ``compare(curve, scene)``."""
+        """The same as ``compare(curve, scene)``.
+
+        Parameters
+        ----------
+        curve : Curve or path
+        **options
+            Those of :func:`compare`.
+        """
         return compare(curve, self, **options)
+
+    @property
+    def body(self):
+        """The scene's body."""
+        if "_body" not in self.__dict__:
+            self._body = Body.of_scene(self.path)
+        return self._body
+
+    def light(self, sun, observer, wavelength_nm=550.0, **options):
+        """The light of the scene's body by the material that sent it.
+
+        Parameters
+        ----------
+        sun, observer : array_like (n, 3)
+            Unit vectors, body axes.
+        wavelength_nm : float or Quantity
+            Vacuum wavelength.
+        **options
+            Those of :meth:`Body.light_by_material`.
+
+        Returns
+        -------
+        MaterialLight
+            (n, materials), with errors.
+        """
+        return self.body.light_by_material(sun, observer, wavelength_nm, **options)
+
+    def _repr_html_(self):
+        import base64
+        import html
+
+        picture = base64.b64encode(self.body.picture()).decode()
+        return f'<pre>{html.escape(repr(self))}\n{html.escape(repr(self.body))}</pre><img src="data:image/png;base64,{picture}" alt="the body">'
 
     def __repr__(self):
         return f"<sunglint.Scene {self.path}>"
@@ -831,6 +1150,9 @@ def compare(curve, scene, channels=(), tolerance=None, progress=None, **reading)
         Only these.
     **reading
         ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as`` ('apparent', 'ground', '1000km', 'standard').
+    tolerance : float, optional
+        Model what may change the light by more than this share; 0.001.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
@@ -861,23 +1183,36 @@ def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, s
     scene : Scene or path, or a sequence with one for each curve
     curves : Curve or path, or a sequence of them
     free : sequence of str
-        What is searched for: ``"albedo"``, ``"attitude.spin_axis"``, ``"size=0.5..2"`` …; beside those of ``[fit]`` of the scene.
+        What is searched for: ``"albedo"``, ``"attitude.period_s"``, ``"size=0.5..2"`` …; beside those of ``[fit]`` of the scene.
+        ``"attitude.spin_axis"`` stands for the axis' two angles, ``"attitude.axis_ra_deg"`` and ``"attitude.axis_dec_deg"``.
     per_pass : sequence of str
         Parameters of which each curve has its own.
     seed : int
         Seed of the places that are looked at first.
     **reading
         ``time_column``, ``time_scale``, ``magnitude_column``, ``magnitudes_as``, ``sigma_mag``.
+    channels : sequence of str
+        Only these.
+    largest_albedo : float, optional
+        Bound of albedos; 1.
+    scintillation : float, optional
+        Coefficient of the air's scintillation that is added to the noise.
+    places, starts, iterations : int, optional
+        How many places are looked at first, from how many of them the search descends, and how many steps a descent has at most.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
     FitResult
     """
     inputs, how, station = _with_scenes(scene, curves, reading)
+    free = [free] if isinstance(free, str) else list(free)
+    axis = ("attitude.axis_ra_deg", "attitude.axis_dec_deg")
+    free = [one for name in free for one in (axis if name == "attitude.spin_axis" else (name,))]
     outcome, converged = _core.fit(
         inputs,
         how,
-        [free] if isinstance(free, str) else list(free),
+        free,
         list(per_pass),
         list(channels),
         station,
@@ -905,6 +1240,11 @@ def period(curves, channels=(), shortest_s=None, longest_s=None, gap_s=None, har
         Whether several nights share a period with a zero point for each.
     station : str, optional
         Whose air is removed from rates.
+    channels : sequence of str
+        Only these.
+    progress : callable (stage, done, of) or tqdm bar, optional
+    **reading
+        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
 
     Returns
     -------
@@ -947,6 +1287,17 @@ def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_p
         ADU; NaN is masked.
     gain_e_per_adu : float, optional
         With it the noise of the light itself is counted.
+    fwhm_px : float, optional
+        Width of a point; as the frame's own points show it.
+    point_sigma, streak_sigma : float, optional
+        Standard deviations by which points and streaks stand out.
+    shortest_px : float, optional
+        Length of the shortest streak.
+    aperture_px : float, optional
+        Radius of the aperture of points; 1.5 times their width.
+    saturation_adu : float, optional
+    is_mosaic : bool
+        Whether the pixels have colours.
 
     Returns
     -------
@@ -972,6 +1323,25 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
         Stars with right ascension, declination and magnitudes: makes rates magnitudes.
     near_deg : (ra, dec) or SkyCoord, optional
         Place near the frames' middle, where their headers do not say it.
+    darks, flats : sequence of paths
+        Frames to calibrate with.
+    fwhm_px, aperture_px : float, optional
+        Width of a point and radius of the aperture; as the frames show it.
+    streak_sigma : float, optional
+        Standard deviations by which streaks stand out.
+    catalogue_mag : str, optional
+        Column of the catalogue's magnitudes.
+    catalogue_colour : (str, str), optional
+        Two columns whose difference is a colour.
+    catalogue_system : {'Vega', 'AB'}, optional
+    scale_arcsec : float or Quantity, optional
+        Width of a pixel on the sky.
+    target_colour : (float, float), optional
+        Colour of the target, and its uncertainty.
+    colour_term : float, optional
+    name : str, optional
+        Name of the result.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
@@ -1025,7 +1395,7 @@ class StudyResult:
     ----------
     folder : str
     report : dict
-        Points, tasks, shards, how many of them are missing, failed tasks, files with their SHA-256.
+        Points, tasks, shards, how many of them are missing, failed tasks, files with their SHA-256; of a part, its own alone.
     """
 
     def __init__(self, folder, report):
@@ -1033,6 +1403,8 @@ class StudyResult:
         self.report = report
 
     def __repr__(self):
+        if "part" in self.report:
+            return f"<study {self.report['study']}, part {self.report['part']}: {self.report['shards']} shards in {self.folder}>"
         made = self.report["shards"] - self.report["missing"]
         return f"<study {self.report['study']}: {made} of {self.report['shards']} shards in {self.folder}>"
 
@@ -1050,10 +1422,62 @@ class StudyResult:
         return self._table("samples")
 
 
-def _study_part(study, output, station, part, of):
-    """One part, in a worker: the results are in the folder, so that nothing has to travel."""
-    _core.run_study(study, output, station, part, of, None)
+# Seconds that shards of parts that are done have to appear: NFS keeps a folder's names for up to a minute.
+_GRACE_S = 65.0
+# Rounds of parts one after the other that make no shard, before Dask's workers are given up.
+_IDLE_ROUNDS = 2
+
+
+def _study_part(study, output, station, usual, of, part):
+    """One part, in a worker: the results are in the folder, so that nothing has to travel. Dask counts a task as one thread."""
+    _core.run_study(study, output, station, usual, part, of, 1, None)
     return part
+
+
+def _anywhere(station):
+    """A station's name as another folder's process finds it."""
+    if station is None or _path(station) in _core.built_in_stations():
+        return station
+    return _os.path.abspath(_path(station)) if _os.path.exists(_path(station)) else station
+
+
+def _by_workers(client, path, folder, station, usual, parts, tell):
+    """Has Dask's workers make the missing shards. A worker that dies loses its part: what is missing then is asked for again."""
+    import functools
+    import time
+
+    shards, left = _core.missing_shards(path, folder, station, usual)
+    if parts is None:
+        parts = max(1, min(shards, 4 * sum(client.nthreads().values())))
+    idle, rounds, failed = 0, 0, None
+    while left and idle < _IDLE_ROUNDS:
+        before, rounds = len(left), rounds + 1
+        numbers = sorted({shard % parts + 1 for shard in left})
+        part = functools.partial(_study_part, path, folder, station, usual, parts)
+        work = client.map(part, numbers, pure=False, retries=5)
+        try:
+            told = None
+            # Looked at and not gathered: a part whose workers died again and again must not end the others.
+            while (done := sum(f.done() for f in work)) < len(work):
+                if tell is not None and done != told:
+                    tell("parts", done, len(work))
+                    told = done
+                time.sleep(0.05)
+        except BaseException:
+            client.cancel(work)
+            raise
+        fine = {n for n, f in zip(numbers, work) if f.status == "finished"}
+        failed = next((f.exception() for f in work if f.status == "error"), failed)
+        until = time.monotonic() + _GRACE_S
+        while True:
+            _, left = _core.missing_shards(path, folder, station, usual)
+            if not any(shard % parts + 1 in fine for shard in left) or time.monotonic() > until:
+                break
+            time.sleep(0.5)
+        idle = idle + 1 if len(left) == before else 0
+    if left:
+        why = f"; a worker's last error: {failed!r}" if failed is not None else "; they must see the same files under the same names"
+        raise Error(f"{len(left)} of {shards} shards are missing after {rounds} rounds of parts, the last {idle} of which made none{why}") from failed
 
 
 def study(study, output, station=None, part=None, client=None, parts=None, progress=None):
@@ -1067,7 +1491,7 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
     station : str, optional
         Built-in name, file or folder, in place of the scene's.
     part : (k, n), optional
-        Only the k-th of n parts.
+        Only the k-th of n parts; the report is then that of the part.
     client : dask.distributed.Client, optional
         Its workers make the parts; they must see the same files under the same names.
     parts : int, optional
@@ -1080,21 +1504,17 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
 
     Notes
     -----
-    The bytes of the results do not depend on who makes them. A worker that dies loses at most the shard it was at: its part is made again.
+    The bytes of the results do not depend on who makes them. A worker that dies loses at most the shard it was at: its part is asked for again.
+    Each part takes one thread, as Dask counts it.
     """
     path, folder = _os.path.abspath(_path(study)), _os.path.abspath(_path(output))
+    station, usual = _anywhere(station), _anywhere(_core.usual_station())
     if client is not None:
         if part is not None:
             raise Error("part= goes without client=: the client's workers make all parts")
-        _, _, shards = _core.size_of_study(path, station)
-        if parts is None:
-            threads = sum(client.nthreads().values())
-            parts = max(1, min(shards, 4 * threads))
-        numbers = range(1, parts + 1)
-        work = client.map(lambda k: _study_part(path, folder, station, k, parts), numbers, pure=False, retries=5)
-        client.gather(work)
+        _by_workers(client, path, folder, station, usual, parts, _callback(progress))
     k, n = part or (1, 1)
-    report = _json.loads(_core.run_study(path, folder, station, k, n, _callback(progress)))
+    report = _json.loads(_core.run_study(path, folder, station, usual, k, n, None, _callback(progress)))
     return StudyResult(folder, report)
 
 
@@ -1188,6 +1608,8 @@ def star(name, at, station, to=None, step_s=60.0, exposure_s=0.1, place=None, v_
         exponent), ``refraction``.
     zero_point : str
         ``vega=0.03`` or ``ab``.
+    v_mag, b_minus_v_mag : float, optional
+    spectral_type : str, optional
 
     Returns
     -------
@@ -1217,6 +1639,7 @@ def air(zenith_deg=(0, 30, 45, 60, 70, 80), wavelength_nm=None, mean_nm=None, st
         Also the transmission of each constituent.
     **known
         Properties of the air, see :func:`star`.
+    altitude_m : float or Quantity, optional
 
     Returns
     -------
@@ -1252,6 +1675,15 @@ def passes(elements, start, station, end=None, norad_id=(), name=(), min_elevati
         or this V at 1,000 km, half lit,
     model : str or path, optional
         or a body, turned by ``attitude``, whose light is calculated to ``tolerance``.
+    attitude : str or path
+        Law of the body's attitude, or a scene with one.
+    tolerance : float
+    exposure_s : float or Quantity
+    zero_point : str
+        ``vega=0.03`` or ``ab``.
+    air : dict, optional
+        See :func:`star`.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
@@ -1288,25 +1720,56 @@ class Night:
     ----------
     plan : str or path
         Devices of a real night are driven by the program (``sunglint observe``).
+
+    Attributes
+    ----------
+    plan, folder : str
+        The plan, and the folder where it lies with what it names.
     """
+
+    _keep = None
 
     def __init__(self, plan):
         self.plan = _path(plan)
+        self.folder = _os.path.dirname(_os.path.abspath(self.plan))
         if not _os.path.exists(self.plan):
             raise Error(f"{self.plan}: there is no such file")
 
-    def observe(self, output, progress=None):
+    def observe(self, output=None, progress=None):
         """Observes the night, as fast as the computer can, into a folder that is not there yet.
+
+        Parameters
+        ----------
+        output : path, optional
+            The folder; ``session`` beside the plan.
+        progress : callable (stage, done, of) or tqdm bar, optional
 
         Returns
         -------
         Session
         """
+        output = _os.path.join(self.folder, "session") if output is None else output
         observed = Result(_core.observe_virtual(self.plan, _path(output), _callback(progress)))
-        return Session(output, observed)
+        session = Session(output, observed)
+        # A night in a folder that nobody named goes with the last that needs it.
+        session._keep = self._keep
+        return session
 
     def __repr__(self):
         return f"<sunglint.Night {self.plan}>"
+
+
+def _write_night(folder, files, scenes, progress):
+    """Writes a night's files and simulates the light of its scenes; the night."""
+    folder = _path(folder)
+    _os.makedirs(_os.path.join(folder, "simulated"), exist_ok=True)
+    for name, text in files:
+        with open(_os.path.join(folder, name), "x", encoding="utf-8") as file:
+            file.write(text)
+    for name in scenes:
+        simulated = Scene(_os.path.join(folder, name)).simulate(progress=progress)
+        simulated.write(_os.path.join(folder, "simulated", f"{simulated.name}.ecsv"))
+    return Night(_os.path.join(folder, "night.toml"))
 
 
 def demo_night(folder, seed=0, progress=None):
@@ -1320,20 +1783,80 @@ def demo_night(folder, seed=0, progress=None):
         Made where it is not there; files in it are not overwritten.
     seed : int
         The same seed gives the same night, that of ``sunglint --seed N demo``.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
     Night
     """
-    folder = _path(folder)
-    _os.makedirs(_os.path.join(folder, "simulated"), exist_ok=True)
-    for name, text in _core.demo_files(seed):
-        with open(_os.path.join(folder, name), "x", encoding="utf-8") as file:
-            file.write(text)
-    for name in ("pass.toml", "sphere.toml"):
-        simulated = Scene(_os.path.join(folder, name)).simulate(progress=progress)
-        simulated.write(_os.path.join(folder, "simulated", f"{simulated.name}.ecsv"))
-    return Night(_os.path.join(folder, "night.toml"))
+    return _write_night(folder, _core.demo_files(seed), ("pass.toml", "sphere.toml"), progress)
+
+
+def virtual_night(seed=0, folder=None, progress=None):
+    """A short virtual night: one satellite, ``demo-sat``, and stars to calibrate by, in half an hour.
+
+    The satellite is a cube that turns, with diffuse faces of four materials; ``pass.toml`` in the night's folder is its scene.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same night.
+    folder : path, optional
+        Where its files are written; files that are there are not overwritten. Without it, a folder that goes when night and session are gone.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    Night
+    """
+    keep = None
+    if folder is None:
+        keep = _tempfile.TemporaryDirectory(prefix="sunglint-")
+        folder = keep.name
+    night = _write_night(folder, _core.short_files(seed), ("pass.toml",), progress)
+    night._keep = keep
+    return night
+
+
+class Frame:
+    """A frame of a recorded session.
+
+    Made by :meth:`Session.frames`; the file is read when something of it is asked for.
+
+    Attributes
+    ----------
+    number : int
+        Counts from 1; a missing number is a lost frame.
+    path : str
+    """
+
+    def __init__(self, number, path):
+        self.number = number
+        self.path = _path(path)
+
+    def _read(self):
+        if "_pixels" not in self.__dict__:
+            self._pixels, self._about = _core.read_frame(self.path)
+        return self._about
+
+    @property
+    def pixels(self):
+        """The pixels in ADU: uint16, (rows, columns)."""
+        self._read()
+        return self._pixels
+
+    @property
+    def about(self):
+        """What is known of it: start, exposure, gain, saturation, temperature, origin and binning on the sensor, target, filter."""
+        return dict(self._read())
+
+    @property
+    def time(self):
+        """Start of the exposure, ``datetime64[ns]``, UTC."""
+        return _np.datetime64(self._read()["start_utc"].rstrip("Z"), "ns")
+
+    def __repr__(self):
+        return f"<sunglint.Frame {self.number}: {self.path}>"
 
 
 class Session:
@@ -1344,11 +1867,72 @@ class Session:
     folder : str or path
     """
 
+    _keep = None
+
     def __init__(self, folder, _observed=None):
         self.folder = _path(folder)
         if not _os.path.exists(_os.path.join(self.folder, "session.toml")):
             raise Error(f"{self.folder}: there is no session (no session.toml)")
         self.observed = _observed
+
+    @property
+    def station(self):
+        """Name or file of the station that it was recorded with; None where neither is known."""
+        return _core.session_parts(self.folder)[0]
+
+    @property
+    def counters(self):
+        """Names of its photon counters."""
+        return _core.session_parts(self.folder)[1]
+
+    @property
+    def cameras(self):
+        """Names of its cameras."""
+        return _core.session_parts(self.folder)[2]
+
+    def counts(self, counter=None):
+        """The bins of a counter as a table.
+
+        Parameters
+        ----------
+        counter : str, optional
+            Name of the counter; the only one.
+
+        Returns
+        -------
+        Table
+            ``start_utc`` (datetime64[ns]; a leap second repeats the one before it), ``start_ps`` and ``length_ps`` by the counter's clock, ``flags``, and for each
+            channel ``NAME_counts`` and ``NAME_missed``.
+        """
+        found = _core.session_counts(self.folder, self._one("counter", counter, self.counters))
+
+        def column(name, unit, values):
+            return dict(name=name, unit=unit, description=None, values=values)
+
+        columns = [column("start_utc", None, found["start_utc_ns"].view("datetime64[ns]"))]
+        columns += [column("start_ps", "ps", found["start_ps"]), column("length_ps", "ps", found["length_ps"]), column("flags", None, found["flags"])]
+        for k, channel in enumerate(found["channels"]):
+            columns += [column(f"{channel}_counts", None, found["counts"][:, k]), column(f"{channel}_missed", None, found["missed"][:, k])]
+        return Table("counts", columns, {"channels": found["channels"]})
+
+    def frames(self, camera=None):
+        """The frames of a camera, in their order.
+
+        Parameters
+        ----------
+        camera : str, optional
+            Name of the camera; the only one.
+
+        Returns
+        -------
+        list of Frame
+        """
+        return [Frame(number, path) for number, path in _core.session_frames(self.folder, self._one("camera", camera, self.cameras))]
+
+    def _one(self, what, name, names):
+        if name is None and len(names) != 1:
+            raise ValueError(f"{self.folder} has {len(names)} {what}s ({', '.join(names)}): name one")
+        return names[0] if name is None else name
 
     def check(self):
         """Reads all of it and says what is there and what is missing.
@@ -1378,13 +1962,17 @@ class Session:
             Samples are kept with the target within this ellipse of the fibre's field.
         raw : bool
             Also the rates as they were counted.
+        progress : callable (stage, done, of) or tqdm bar, optional
 
         Returns
         -------
         Reduced
         """
         outcome, curves = _core.reduce_session(self.folder, target, station and _path(station), aperture_px, fwhm_px, gate, raw, _callback(progress))
-        return Reduced(outcome, curves, station)
+        reduced = Reduced(outcome, curves, station or self.station)
+        # The copy of the station may lie in a folder that nobody named.
+        reduced._kept_session = self._keep
+        return reduced
 
     def __repr__(self):
         return f"<sunglint.Session {self.folder}>"
@@ -1405,7 +1993,14 @@ class Reduced(Result):
         self.curves = {c.name: c for c in map(Result, curves)}
 
     def calibrate(self, station=None, **options):
-        """The same as ``calibrate(reduced, station)``; the station is by default the one of the reduction."""
+        """The same as ``calibrate(reduced, station)``; the station is by default the one of the reduction, or that of the session.
+
+        Parameters
+        ----------
+        station : str or path, optional
+        **options
+            Those of :func:`calibrate`.
+        """
         return calibrate(self, station or self.station, **options)
 
     def __getitem__(self, key):
@@ -1422,16 +2017,66 @@ class Calibration(Result):
         self.station = station
         self._reduced = reduced
 
-    def apply(self, curve, **options):
-        """The same as ``apply(calibration, curve, station)``; a name is that of a curve of the reduction.
+    def apply(self, curve=None, **options):
+        """The same as ``apply(calibration, curve, station)``.
+
+        Parameters
+        ----------
+        curve : Result, path or str, optional
+            A name is that of a curve of the reduction. Without it, all of them.
+        **options
+            Those of :func:`apply`.
 
         Returns
         -------
-        Result
+        Result or Applied
         """
+        if curve is None:
+            return Applied(self, options)
         if isinstance(curve, str) and self._reduced is not None and curve in self._reduced.curves:
             curve = self._reduced.curves[curve]
         return apply(self, curve, self.station, **options)
+
+
+class Applied(_Mapping):
+    """The calibrated curves of a reduction, by the names of their visits (``demo-sat_1``) or of their targets (``demo-sat``).
+
+    Made by :meth:`Calibration.apply` without a curve. A curve is calibrated when it is first asked for.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        One that was made of a :class:`Reduced`.
+    options : dict
+        Options of :func:`apply`.
+    """
+
+    def __init__(self, calibration, options):
+        if calibration._reduced is None:
+            raise ValueError("the calibration is not that of a reduction: name the curve")
+        self._calibration = calibration
+        self._options = options
+        self._done = {}
+        self._names = [n for n, c in calibration._reduced.curves.items() if not c._get("name").endswith(("_frames", "_raw"))]
+
+    def __getitem__(self, name):
+        found = [name] if name in self._names else [n for n in self._names if n.rpartition("_")[0] == name]
+        if not found:
+            raise KeyError(f"there is no curve {name!r}: {', '.join(self._names)}")
+        if len(found) > 1:
+            raise KeyError(f"{name!r} has {len(found)} visits, name one: {', '.join(found)}")
+        if found[0] not in self._done:
+            self._done[found[0]] = self._calibration.apply(found[0], **self._options)
+        return self._done[found[0]]
+
+    def __iter__(self):
+        return iter(self._names)
+
+    def __len__(self):
+        return len(self._names)
+
+    def __repr__(self):
+        return f"<sunglint.Applied: {', '.join(self._names)}>"
 
 
 def calibrate(curves, station, floor=None, clip_sigma=None, confidence=None, fit_aerosol=False, scintillation=None, zero_point="vega=0.03", seed=0, air=None):
@@ -1454,6 +2099,10 @@ def calibrate(curves, station, floor=None, clip_sigma=None, confidence=None, fit
         Of the bootstrap.
     air : dict, optional
         See :func:`star`.
+    scintillation : float, optional
+        Coefficient of the air's scintillation.
+    zero_point : str
+        ``vega=0.03`` or ``ab``.
 
     Returns
     -------
@@ -1496,6 +2145,8 @@ def apply(calibration, curve, station, night=None, spectrum=None, magnitudes=Non
         For magnitudes at a standard phase angle.
     air : dict, optional
         See :func:`star`.
+    zero_point : str
+        ``vega=0.03`` or ``ab``.
 
     Returns
     -------
@@ -1527,6 +2178,13 @@ def fold(curves, period_s, period_sigma_s=None, epoch=None, scene=None, axis=Non
         What is not divided out.
     air : dict, optional
         See :func:`star`.
+    bins : int
+    channels : sequence of str
+        Only these.
+    station : str, optional
+        Whose air is removed from rates.
+    **reading
+        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
 
     Returns
     -------
@@ -1570,6 +2228,11 @@ def unmix(curve, endmembers, scene=None, station=None, no_air=False, total_m2_sr
         Also how materials of the scene would be taken for one another.
     air : dict, optional
         See :func:`star`.
+    station : str, optional
+    no_air : bool
+        The curve is one above the air.
+    unweighted : bool
+        All samples count alike.
 
     Returns
     -------
@@ -1633,6 +2296,15 @@ def attitude(scene, curves, known=(), period_s=None, sense="both", scale="none",
         Free factors of the brightness.
     axes : int
         Axes that are looked at first.
+    channels : sequence of str
+        Only these.
+    direct_only : bool
+        Without light between surfaces.
+    seed : int
+        Seed of the search.
+    progress : callable (stage, done, of) or tqdm bar, optional
+    **reading
+        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
 
     Returns
     -------
@@ -1656,7 +2328,12 @@ class Material(Result):
         return self.files.get("material.toml")
 
     def brdf(self, wavelength_nm=550.0):
-        """The material as a :class:`Brdf`."""
+        """The material as a :class:`Brdf`.
+
+        Parameters
+        ----------
+        wavelength_nm : float or Quantity
+        """
         if self.toml is None:
             raise Error(f"{self.name}: there is no material: " + "; ".join(self.warnings))
         folder = _tempfile.TemporaryDirectory(prefix="sunglint-")
@@ -1679,6 +2356,18 @@ def ndf(table, zero_deg=None, most_offset_deg=5.0, median=None, tail=None, eleva
         Beyond the last angle; else the one that fits best.
     diffuse : bool
         Look for diffuse light and take it off.
+    zero_deg : float or Quantity, optional
+        Angle of the stage at which light comes back along the normal; found without it.
+    most_offset_deg : float or Quantity
+        Farthest from 0 that it is looked for.
+    median : int, optional
+        Width of a running median over angles.
+    elevations, azimuths : int, optional
+        Nodes of the density.
+    resamplings : int
+        Of the bootstrap.
+    seed : int
+        Of the bootstrap.
 
     Returns
     -------
@@ -1702,6 +2391,16 @@ def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg
         Half-angles of detector and source.
     accept : bool
         Give the material although its peak or hemispherical reflectance are off.
+    wavelength_nm : float or Quantity, optional
+        Which rows, of a table with several wavelengths.
+    floor_per_sr : float, optional
+        Least noise of a sample.
+    theta_most_deg : float or Quantity
+        Samples at larger angles are left out.
+    most_lobes : int
+    name : str
+        Name of the material.
+    progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
     -------
@@ -1722,3 +2421,353 @@ def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg
             _callback(progress),
         )
     )
+
+
+class Assembled(Material):
+    """A material of measured values: a :class:`Result` with the bytes of its ``.bsdf`` file.
+
+    Attributes
+    ----------
+    bsdf : bytes
+        The file, as ``sunglint brdf assemble`` writes it.
+    """
+
+    def __init__(self, outcome, bsdf):
+        super().__init__(outcome)
+        self.bsdf = bsdf
+
+    def write(self, path):
+        """Writes the ``.bsdf`` with the TOML that names it beside it, or another form of the result; what is there is not overwritten.
+
+        Parameters
+        ----------
+        path : str or path
+        """
+        path = _path(path)
+        stem, ending = _os.path.splitext(path)
+        if ending.lower() != ".bsdf":
+            super().write(path)
+            return
+        name = _json.dumps(_os.path.basename(stem))
+        toml = f'[[material]]\nname = {name}\nmodel = "measured"\nfile = {_json.dumps(_os.path.basename(path))}\n'
+        with open(path, "xb") as file:
+            file.write(self.bsdf)
+        with open(f"{stem}.toml", "x", encoding="utf-8") as file:
+            file.write(toml)
+
+    def brdf(self, wavelength_nm=550.0):
+        """The material as a :class:`Brdf`.
+
+        Parameters
+        ----------
+        wavelength_nm : float or Quantity
+        """
+        folder = _tempfile.TemporaryDirectory(prefix="sunglint-")
+        path = _os.path.join(folder.name, "material.bsdf")
+        with open(path, "wb") as file:
+            file.write(self.bsdf)
+        brdf = Brdf(path, wavelength_nm)
+        brdf._kept = folder
+        return brdf
+
+
+def plan(ndf, theta_i=8, phi_i=9, quarter=False, side=None, normals=128, wide=0.25, most_theta_i_deg=None, rig=None):
+    """Where to measure a sample, by its density of microfacet normals.
+
+    Parameters
+    ----------
+    ndf : path or Result
+        As :func:`ndf` gives it.
+    theta_i, phi_i : int
+        Incident elevations, and azimuths of an anisotropic sample.
+    quarter : bool
+        The sample is symmetric about its axes: a quarter of the circle says all.
+    side : int, optional
+        Side of the grid of outgoing directions; 32, or 33 with a rig.
+    normals : int
+        Nodes of the densities in elevation and azimuth.
+    wide : float
+        Share of the directions that is spread over all tilts, for the lobe's tails.
+    most_theta_i_deg : float or Quantity, optional
+        Largest angle of incidence; 89.9, or 55 with a rig.
+    rig : bool or dict, optional
+        A rig that turns in the plane of incidence, by hand to marks; a dict may have ``least_phase_deg``, ``most_theta_o_deg`` and ``mark_deg``.
+
+    Returns
+    -------
+    Result
+        The table is the directions in the order in which to measure them.
+    """
+    known = ("least_phase_deg", "most_theta_o_deg", "mark_deg")
+    given = dict(rig) if isinstance(rig, _Mapping) else {}
+    for key in given:
+        if key not in known:
+            raise ValueError(f"rig has no {key!r}; it has {', '.join(known)}")
+    of_rig = [_value(given.get(key), "deg") for key in known] if rig else None
+    return Result(_core.plan(_file(ndf), theta_i, phi_i, quarter, side, normals, wide, _value(most_theta_i_deg, "deg"), of_rig))
+
+
+def assemble(samples, ndf, plan=None, wavelength_nm=None, theta_i=72, phi_i=17, side=None, normals=128, progress=None):
+    """A material of measured values and the sample's density of microfacet normals.
+
+    Parameters
+    ----------
+    samples : path or Result
+        Measured values of the BRDF.
+    ndf : path or Result
+        As :func:`ndf` gives it.
+    plan : path or Result, optional
+        The plan of these measurements: what of it is missing is told.
+    wavelength_nm : float or Quantity, optional
+        Of a table that does not say it.
+    theta_i, phi_i : int
+        Incident elevations of the file, and azimuths of an anisotropic sample.
+    side : int, optional
+        Side of the file's grid of values, best odd; the finest of 129, 97, 65 and 33 with which all take at most 256 MB.
+    normals : int
+        Nodes of the file's warps.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    Assembled
+    """
+    planned = None if plan is None else _file(plan)
+    return Assembled(*_core.assemble(_file(samples), _file(ndf), planned, _value(wavelength_nm, "nm"), theta_i, phi_i, side, normals, _callback(progress)))
+
+
+def retro(plan, folder, reduce=False, progress=None):
+    """Retro-reflection against angle: measured by a virtual rig, or reduced from the folder of a run.
+
+    Parameters
+    ----------
+    plan : path
+        RUN.toml. A run on devices is done by the program (``sunglint brdf retro``), which asks the person at the rig.
+    folder : path
+        The run's readings: made by a virtual rig, there already with ``reduce``.
+    reduce : bool
+        Measure nothing.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    Result
+        The table is what :func:`ndf` takes.
+    """
+    return Result(_core.retro(_path(plan), _path(folder), reduce, _callback(progress)))
+
+
+def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=1.0, read_noise_e=0.0, saturation_adu=None):
+    """Light within round apertures at given places of a frame, above the background of a ring around each.
+
+    Parameters
+    ----------
+    pixels : array_like (rows, columns)
+        ADU, whole numbers from 0 to 65,535.
+    places_px : array_like (n, 2)
+        Columns and rows; the middle of the first pixel is (0, 0).
+    radius_px : float
+        Of the apertures. Pixels on the edge count by their share.
+    annulus_px : (float, float)
+        Inner and outer radius of the ring, whose clipped median is the background.
+    fwhm_px : float
+        Width of a point; says how much of its light masked pixels hide.
+    exposure_s : float or Quantity
+    gain_e_per_adu, read_noise_e : float
+        For the stated noise.
+    saturation_adu : float, optional
+        From where on a pixel counts as saturated.
+
+    Returns
+    -------
+    Table
+        ``rate_adu_per_s``, ``sigma_adu_per_s``, ``background_adu``, ``background_sigma_adu``, ``area_px2``, ``masked_fraction``, ``saturated_pixels``, ``flags``.
+    """
+    given = _np.asarray(pixels)
+    if given.ndim != 2:
+        raise ValueError(f"pixels have {given.ndim} axes, expected 2: rows, columns")
+    if given.dtype != _np.uint16:
+        if given.size and not (_np.all(_np.isfinite(given)) and given.min() >= 0 and given.max() <= 65535 and _np.all(given == _np.floor(given))):
+            raise ValueError("pixels are not whole numbers from 0 to 65535")
+        given = given.astype(_np.uint16)
+    places = _np.atleast_2d(_np.ascontiguousarray(places_px, dtype=float))
+    found = _core.aperture(
+        _np.ascontiguousarray(given), places, radius_px, list(annulus_px), fwhm_px, float(_value(exposure_s, "s")), gain_e_per_adu, read_noise_e, saturation_adu
+    )
+    units = {"rate_adu_per_s": "adu / s", "sigma_adu_per_s": "adu / s", "background_adu": "adu", "background_sigma_adu": "adu", "area_px2": "pix2"}
+    return Table("apertures", [dict(name=n, unit=units.get(n), description=None, values=v) for n, v in found.items()], {})
+
+
+def track(elements, name, at, station=None, mount="virtual", dry_run=False, min_elevation_deg=10.0, for_s=None, sun_limit_deg=30.0, latency_s=0.25, past_meridian_deg=0.0, slew_deg_s=None, late_s=0.0, progress=None):
+    """A telescope follows a satellite: the plan, or a rehearsal with a virtual mount.
+
+    Real mounts are driven by the program (``sunglint track``), which has a watchdog beside it.
+
+    Parameters
+    ----------
+    elements : path
+        Two lines or OMM, or positions (OEM, CPF, ECSV).
+    name : str or int
+        The object: its catalogue number, or a part of its name.
+    at : str, datetime, datetime64 or astropy Time
+        The pass that is on then, or the first after it.
+    station : str or path, optional
+        Else that of the environment, or ``./station.toml``.
+    mount : {'virtual', 'virtual-equatorial', 'virtual-german'}
+    dry_run : bool
+        Only the plan: slew, flip, keyhole, distance from the Sun.
+    min_elevation_deg, sun_limit_deg : float or Quantity
+        Lowest altitude that is followed, least distance from the Sun.
+    for_s : float or Quantity, optional
+        Stop after so many seconds of the pass.
+    latency_s, late_s : float or Quantity
+        From a command to the mount's doing it; how much later than predicted the target comes.
+    past_meridian_deg : float or Quantity
+        Hour angle up to which a German mount follows past the meridian.
+    slew_deg_s : float, optional
+        Speed of the mount's slews.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    Result
+        The table has the steps, where there are some.
+    """
+    wanted = dict(
+        min_elevation_deg=_value(min_elevation_deg, "deg"),
+        for_s=_value(for_s, "s"),
+        sun_limit_deg=_value(sun_limit_deg, "deg"),
+        latency_s=_value(latency_s, "s"),
+        past_meridian_deg=_value(past_meridian_deg, "deg"),
+        slew_deg_s=slew_deg_s,
+        late_s=_value(late_s, "s"),
+    )
+    return Result(_core.track(_path(elements), str(name), _utc(at), wanted, mount, station and _path(station), dry_run, _callback(progress)))
+
+
+class Readings(Result):
+    """Readings of a device: a :class:`Result` with the frames of a camera.
+
+    Attributes
+    ----------
+    frames : list of ndarray (rows, columns), uint16
+    """
+
+    def __init__(self, outcome, frames):
+        super().__init__(outcome)
+        self.frames = frames
+
+
+class Device:
+    """An instrument, by the address that ``sunglint devices`` takes (``sim-pm100``, ``tmcl:/dev/ttyACM0``).
+
+    It stays open until :meth:`close`, or the end of a ``with`` block. Ctrl-C stops a motor, and closes the device.
+
+    Parameters
+    ----------
+    address : str
+        ``DRIVER[:WHERE]``; :func:`drivers` lists them.
+    options : dict or sequence of str
+        Options of the driver: ``{"gear": 10}``, or ``["gear=10"]``.
+    timeout_s : float or Quantity, optional
+        How long a step may take.
+    record : path, optional
+        Writes every byte that is said into a file, for ``sunglint devices replay``.
+    """
+
+    def __init__(self, address, options=(), timeout_s=None, record=None):
+        pairs = [f"{k}={v}" for k, v in options.items()] if isinstance(options, _Mapping) else list(options)
+        self.address = address
+        self._device = _core.Device(address, pairs, _value(timeout_s, "s"), None if record is None else _path(record))
+
+    @property
+    def kind(self):
+        """Kind of the device: power meter, rotation stage, filter wheel, camera and others."""
+        return self._device.kind
+
+    def read(self, count=1, every_s=None, exposure_s=0.1):
+        """Reads what the device measures: power, counts, an angle, a slot, frames.
+
+        Parameters
+        ----------
+        count : int
+        every_s : float or Quantity, optional
+            From the begin of one reading to that of the next.
+        exposure_s : float or Quantity
+            Of a camera's frames, or length of a counter's bins.
+
+        Returns
+        -------
+        Readings
+        """
+        return Readings(*self._device.read(count, _value(every_s, "s"), _value(exposure_s, "s")))
+
+    def move(self, *targets):
+        """Turns a stage to angles (degrees, ``"home"``, ``"stop"``), a wheel to slots, a focuser to positions, one after the other.
+
+        Parameters
+        ----------
+        *targets : float, Quantity or str
+
+        Returns
+        -------
+        Result
+        """
+        return Result(self._device.move([str(_value(t, "deg")) for t in targets]))
+
+    def set(self, **settings):
+        """Makes settings, and reads them back; without any, says what can be set.
+
+        Parameters
+        ----------
+        **settings
+            Names and values.
+
+        Returns
+        -------
+        Result
+        """
+        return Result(self._device.set([(k, str(v)) for k, v in settings.items()]))
+
+    def close(self):
+        """Closes the line; a recording is whole then."""
+        self._device.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def __repr__(self):
+        return f"<sunglint.Device {self._device.title}>"
+
+
+def devices(all=False, indi=(), alpaca=(), timeout_s=10.0):
+    """Instruments that are plugged in, which driver recognises them, and whether you may use them.
+
+    Parameters
+    ----------
+    all : bool
+        Also USB and HID devices that no driver recognises.
+    indi, alpaca : str or sequence of str
+        Servers, ``HOST[:PORT]``, whose devices are listed, too.
+    timeout_s : float or Quantity
+        How long a server may take.
+
+    Returns
+    -------
+    Result
+    """
+    hosts = [[h] if isinstance(h, str) else list(h) for h in (indi, alpaca)]
+    return Result(_core.list_devices(all, *hosts, _value(timeout_s, "s")))
+
+
+def drivers():
+    """The drivers: their addresses, options, and what they were tried with.
+
+    Returns
+    -------
+    Result
+    """
+    return Result(_core.drivers())

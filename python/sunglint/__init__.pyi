@@ -1,9 +1,9 @@
 # Types of the public names; python/tests/test_stubs.py holds them to the module.
 import datetime
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,7 @@ class Table(dict[str, NDArray[Any]]):
     def __init__(self, name: str, columns: Sequence[Mapping[str, Any]], meta: str | dict[str, Any]) -> None: ...
     @property
     def rows(self) -> int: ...
+    def __call__(self) -> Table: ...
     def times(self, column: str = "time_utc") -> NDArray[np.datetime64]: ...
     def to_pandas(self) -> Any: ...
     def to_astropy(self) -> Any: ...
@@ -81,7 +82,16 @@ class Reduced(Result):
 class Calibration(Result):
     station: _Path | None
     def __init__(self, outcome: Any, station: _Path | None = None, reduced: Reduced | None = None) -> None: ...
+    @overload
+    def apply(self, curve: None = None, **options: Any) -> Applied: ...
+    @overload
     def apply(self, curve: _CurveLike, **options: Any) -> Result: ...
+
+class Applied(Mapping[str, Result]):
+    def __init__(self, calibration: Calibration, options: Mapping[str, Any]) -> None: ...
+    def __getitem__(self, name: str) -> Result: ...
+    def __iter__(self) -> Iterator[str]: ...
+    def __len__(self) -> int: ...
 
 class Material(Result):
     @property
@@ -98,8 +108,39 @@ class Light:
     warnings: list[str]
     def __len__(self) -> int: ...
 
+class Assembled(Material):
+    bsdf: bytes
+    def __init__(self, outcome: Any, bsdf: bytes) -> None: ...
+
+@dataclass(frozen=True)
+class MaterialLight:
+    materials: list[str]
+    per_irradiance_m2_per_sr: NDArray[np.float64]
+    error_m2_per_sr: NDArray[np.float64]
+    several_m2_per_sr: NDArray[np.float64]
+    several_error_m2_per_sr: NDArray[np.float64]
+    wavelength_nm: float
+    warnings: list[str]
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __len__(self) -> int: ...
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
+
 class Body:
     def __init__(self, model: _Path) -> None: ...
+    @classmethod
+    def of_scene(cls, path: _Path) -> Body: ...
+    def light_by_material(
+        self,
+        sun: _Numbers,
+        observer: _Numbers,
+        wavelength_nm: _Number = 550.0,
+        range_m: _Numbers | None = None,
+        tolerance: float | None = None,
+        budget_s: float | None = None,
+        progress: _Progress | None = None,
+    ) -> MaterialLight: ...
+    def picture(self, size_px: int = 320) -> bytes: ...
     @property
     def name(self) -> str: ...
     @property
@@ -196,16 +237,41 @@ class Scene:
     ) -> Result: ...
     def explain(self, tolerance: float | None = None) -> Result: ...
     def compare(self, curve: _CurveLike, **options: Any) -> Result: ...
+    @property
+    def body(self) -> Body: ...
+    def light(
+        self, sun: _Numbers, observer: _Numbers, wavelength_nm: _Number = 550.0, **options: Any
+    ) -> MaterialLight: ...
 
 class Night:
     plan: str
+    folder: str
     def __init__(self, plan: _Path) -> None: ...
-    def observe(self, output: _Path, progress: _Progress | None = None) -> Session: ...
+    def observe(self, output: _Path | None = None, progress: _Progress | None = None) -> Session: ...
+
+class Frame:
+    number: int
+    path: str
+    def __init__(self, number: int, path: _Path) -> None: ...
+    @property
+    def pixels(self) -> NDArray[np.uint16]: ...
+    @property
+    def about(self) -> dict[str, Any]: ...
+    @property
+    def time(self) -> np.datetime64: ...
 
 class Session:
     folder: str
     observed: Result | None
     def __init__(self, folder: _Path, _observed: Result | None = None) -> None: ...
+    @property
+    def station(self) -> str | None: ...
+    @property
+    def counters(self) -> list[str]: ...
+    @property
+    def cameras(self) -> list[str]: ...
+    def counts(self, counter: str | None = None) -> Table: ...
+    def frames(self, camera: str | None = None) -> list[Frame]: ...
     def check(self) -> Result: ...
     def reduce(
         self,
@@ -223,6 +289,28 @@ class ArchiveResult(Result):
     asked: tuple[str, dict[str, Any], str | None]
     def __init__(self, outcome: Any, asked: tuple[str, dict[str, Any], str | None]) -> None: ...
     def curve(self) -> Result: ...
+
+class Readings(Result):
+    frames: list[NDArray[np.uint16]]
+    def __init__(self, outcome: Any, frames: list[NDArray[np.uint16]]) -> None: ...
+
+class Device:
+    address: str
+    def __init__(
+        self,
+        address: str,
+        options: Mapping[str, Any] | Sequence[str] = (),
+        timeout_s: _Number | None = None,
+        record: _Path | None = None,
+    ) -> None: ...
+    @property
+    def kind(self) -> str: ...
+    def read(self, count: int = 1, every_s: _Number | None = None, exposure_s: _Number = 0.1) -> Readings: ...
+    def move(self, *targets: _Number | str) -> Result: ...
+    def set(self, **settings: Any) -> Result: ...
+    def close(self) -> None: ...
+    def __enter__(self) -> Device: ...
+    def __exit__(self, *_: object) -> None: ...
 
 class StudyResult:
     folder: str
@@ -475,3 +563,61 @@ def unmix(
     confusion: bool = False,
     air: Mapping[str, Any] | None = None,
 ) -> Result: ...
+def virtual_night(seed: int = 0, folder: _Path | None = None, progress: _Progress | None = None) -> Night: ...
+def plan(
+    ndf: Result | _Path,
+    theta_i: int = 8,
+    phi_i: int = 9,
+    quarter: bool = False,
+    side: int | None = None,
+    normals: int = 128,
+    wide: float = 0.25,
+    most_theta_i_deg: _Number | None = None,
+    rig: bool | Mapping[str, _Number] | None = None,
+) -> Result: ...
+def assemble(
+    samples: Result | _Path,
+    ndf: Result | _Path,
+    plan: Result | _Path | None = None,
+    wavelength_nm: _Number | None = None,
+    theta_i: int = 72,
+    phi_i: int = 17,
+    side: int | None = None,
+    normals: int = 128,
+    progress: _Progress | None = None,
+) -> Assembled: ...
+def retro(plan: _Path, folder: _Path, reduce: bool = False, progress: _Progress | None = None) -> Result: ...
+def aperture(
+    pixels: ArrayLike,
+    places_px: ArrayLike,
+    radius_px: float = 8.0,
+    annulus_px: tuple[float, float] = (12.0, 20.0),
+    fwhm_px: float = 4.0,
+    exposure_s: _Number = 1.0,
+    gain_e_per_adu: float = 1.0,
+    read_noise_e: float = 0.0,
+    saturation_adu: float | None = None,
+) -> Table: ...
+def track(
+    elements: _Path,
+    name: str | int,
+    at: _Moment,
+    station: _Path | None = None,
+    mount: str = "virtual",
+    dry_run: bool = False,
+    min_elevation_deg: _Number = 10.0,
+    for_s: _Number | None = None,
+    sun_limit_deg: _Number = 30.0,
+    latency_s: _Number = 0.25,
+    past_meridian_deg: _Number = 0.0,
+    slew_deg_s: float | None = None,
+    late_s: _Number = 0.0,
+    progress: _Progress | None = None,
+) -> Result: ...
+def devices(
+    all: bool = False,
+    indi: str | Sequence[str] = (),
+    alpaca: str | Sequence[str] = (),
+    timeout_s: _Number = 10.0,
+) -> Result: ...
+def drivers() -> Result: ...

@@ -28,10 +28,14 @@ def study(tmp_path):
     return tmp_path / "study.toml"
 
 
-def test_workers_of_dask_make_the_same_bytes_and_may_be_killed(study, tmp_path):
+@pytest.mark.parametrize("failures", [3, 0], ids=["dask tries again", "each kill fails a part"])
+def test_workers_of_dask_make_the_same_bytes_and_may_be_killed(study, tmp_path, failures):
     """Truth: the same study in this process. Three kills of a random worker while parts are under way."""
     sg.study(study, tmp_path / "alone")
+    import dask as settings
+
     with (
+        settings.config.set({"distributed.scheduler.allowed-failures": failures}),
         dask.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None) as cluster,
         dask.Client(cluster) as client,
     ):
@@ -60,3 +64,23 @@ def test_workers_of_dask_make_the_same_bytes_and_may_be_killed(study, tmp_path):
     # Complete, no doubles: a row a value.
     table = made.summary()
     assert sorted(table["target.sphere.radius_m"]) == sorted(set(table["target.sphere.radius_m"])) and len(table) == 40
+
+
+def test_a_worker_that_cannot_is_told(study, tmp_path):
+    """A folder that only the client sees: an error with the worker's own, not the whole work done here."""
+    with (
+        dask.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None) as cluster,
+        dask.Client(cluster) as client,
+    ):
+        def breaks():
+            import sunglint
+
+            def refuses(*_):
+                raise OSError("this node sees no such folder")
+
+            sunglint._core.run_study = refuses
+
+        client.run(breaks)
+        with pytest.raises(sg.Error, match="40 of 40 shards are missing after 2 rounds.*sees no such folder"):
+            sg.study(study, tmp_path / "out", client=client, parts=4)
+    assert not list((tmp_path / "out" / "summary").iterdir())

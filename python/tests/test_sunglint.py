@@ -305,7 +305,7 @@ def test_studies_are_the_programs(tmp_path, demo):
     )
     heard = []
     mine = sg.study(study, tmp_path / "mine", part=(2, 2), progress=lambda stage, done, of: heard.append(of))
-    assert mine.report["missing"] == 2 and heard[-1] == 1
+    assert mine.report["missing"] == 0 and mine.report["shards"] == 1 and mine.report["part"] == "2/2" and heard[-1] == 1
     mine = sg.study(study, tmp_path / "mine")
     assert mine.report["missing"] == 0 and mine.report["tasks"] == 3
     program("study", study, "-o", tmp_path / "theirs", "-q")
@@ -322,6 +322,42 @@ def test_studies_are_the_programs(tmp_path, demo):
     with pytest.raises(sg.Error, match="another study"):
         study.write_text(study.read_text().replace("2.0", "3.0"))
         sg.study(study, tmp_path / "mine")
+
+
+def test_the_usual_station_is_the_programs(tmp_path, demo, monkeypatch):
+    """A scene that names no station: the environment's, else the folder's station.toml, as for the program; else an error."""
+    import tomllib
+
+    text = (demo / "sphere.toml").read_text().replace('"satellites.tle"', json.dumps(str(demo / "satellites.tle")))
+    lines, in_station = [], False
+    for line in text.splitlines():
+        in_station = line.strip() == "[station]" if line.startswith("[") else in_station
+        if not in_station and not line.startswith("station"):
+            lines.append(line)
+    assert "station" not in tomllib.loads("\n".join(lines))
+    bare = tmp_path / "bare.toml"
+    bare.write_text("\n".join(lines) + "\n")
+    study = tmp_path / "study.toml"
+    study.write_text('[study]\nscene = "bare.toml"\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SUNGLINT_STATION", raising=False)
+    for call in (lambda: sg.Scene(bare).simulate(), lambda: sg.study(study, tmp_path / "none"), lambda: sg.fit(bare, demo / "sphere.ecsv", free=["gain"])):
+        with pytest.raises(sg.Error, match="no station"):
+            call()
+    theirs = json.loads(program("simulate", bare, "--station", "ufo", "--json", "-q"))
+    monkeypatch.setenv("SUNGLINT_STATION", "ufo")
+    same(sg.Scene(bare).simulate().summary, theirs, COSTS)
+    assert sg.study(study, tmp_path / "told").report["failed"] == 0
+    monkeypatch.delenv("SUNGLINT_STATION")
+    stations = ROOT / "radiometry" / "stations" / "ufo"
+    for file in stations.rglob("*"):
+        if file.is_file():
+            there = tmp_path / file.relative_to(stations)
+            there.parent.mkdir(parents=True, exist_ok=True)
+            there.write_bytes(file.read_bytes())
+    assert (tmp_path / "station.toml").exists()
+    same(sg.Scene(bare).simulate().summary["channels"], theirs["channels"], COSTS)
+    assert sg.study(study, tmp_path / "here").report["failed"] == 0
 
 
 def test_stars_air_and_passes_are_the_programs(demo):
@@ -526,6 +562,262 @@ def test_the_kept_engine_is_the_bodys_light():
         engine(np.array([[1.0, 0, 0], [math.nan, 0, 0]]), observer[:2])
     with pytest.raises(sg.Error, match="nearer than"):
         body.engine(range_m=1e6)(sun[:1], observer[:1], np.array([1e5]))
+
+
+def test_the_example_of_a_night_to_a_fit_runs(tmp_path):
+    """The block as people ask for it, word for word. Truth: the night's own scene, whose light its photons are."""
+    night = sg.virtual_night(seed=1, folder=tmp_path / "other")
+    (tmp_path / "pass.toml").write_text(pathlib.Path(night.folder, "pass.toml").read_text())
+    block = (
+        "import sunglint as sg\n"
+        "night = sg.virtual_night(seed=1); session = night.observe()\n"
+        'curve = session.reduce().calibrate().apply()["demo-sat"]\n'
+        'scene = sg.Scene.load("pass.toml")\n'
+        'fit = sg.fit(scene, curve, free=["albedo", "attitude.spin_axis"])\n'
+        "fit.table().to_pandas(); fit.plot()\n"
+        "w = scene.light(sun, observer)           # (n, 3), (n, 3) -> (n, materials), with errors\n"
+    )
+    before = "import matplotlib; matplotlib.use('Agg')\nimport json, numpy\nsun = numpy.eye(3); observer = sun\n"
+    after = (
+        "print(json.dumps(dict(shape=w.shape, materials=w.materials, error=bool((w.error_m2_per_sr >= 0).all()), sum=float(numpy.asarray(w).sum()),"
+        " free=[p['name'] for p in fit['fit']['parameters']], values=[p['value'] for p in fit['fit']['parameters']], sigma=[p['sigma'] for p in fit['fit']['parameters']])))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", before + block + after], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["shape"] == [3, 4] and len(told["materials"]) == 4 and told["error"] and told["sum"] > 0
+    names = " ".join(told["free"])
+    assert "attitude.axis_ra_deg" in names and "attitude.axis_dec_deg" in names and "albedo" in names
+    found = dict(zip(told["free"], told["values"]))
+    # The scene's axis; half a degree: ten times the stated uncertainty, a small part of the sphere.
+    assert found["attitude.axis_ra_deg"] % 360 == pytest.approx(161.6, abs=0.5)
+    assert found["attitude.axis_dec_deg"] == pytest.approx(71.6, abs=0.5)
+
+
+def test_light_by_material_adds_up_and_is_lambert(tmp_path):
+    """Truth: a face of area A and reflectance r that looks to Sun and observer at i and o sends A r / pi cos i cos o. The sum over materials is the body's light."""
+    body = sg.Body("cube")
+    n = 40
+    sun, observer = directions(n, 5), directions(n, 6)
+    by = body.light_by_material(sun, observer, 550.0)
+    whole = body.light(sun, observer, wavelength_nm=[550.0])
+    assert by.shape == (n, 4) and np.asarray(by).shape == (n, 4)
+    assert np.allclose(np.asarray(by).sum(1) + by.several_m2_per_sr, whole.per_irradiance_m2_per_sr[:, 0], rtol=1e-12, atol=0)
+    assert np.allclose(by.error_m2_per_sr.sum(1) + by.several_error_m2_per_sr, whole.error_m2_per_sr[:, 0], rtol=1e-9, atol=1e-300)
+    # The face -y alone is the uniform one, of reflectance 1 (simulator/targets/cube.toml).
+    cosine = np.clip(-sun[:, 1], 0, None) * np.clip(-observer[:, 1], 0, None)
+    uniform = np.asarray(by)[:, by.materials.index("uniform_diffuse")]
+    # The Sun is a disc: its edge matters by less than the tolerance where the face is not seen edge on.
+    clear = (sun[:, 1] < -0.05) & (observer[:, 1] < -0.05)
+    assert clear.sum() > 5
+    assert np.allclose(uniform[clear], cosine[clear] / np.pi, rtol=2e-3)
+    again = pickle.loads(pickle.dumps(by))
+    assert np.array_equal(np.asarray(again), np.asarray(by)) and again.materials == by.materials
+
+
+def test_recordings_are_arrays(demo):
+    """Truth: the session's own files, read by astropy."""
+    from astropy.io import fits
+    from astropy.table import Table as Read
+
+    session = sg.Session(demo / "session")
+    assert session.counters == ["tagger"] and session.cameras == ["cam"] and session.station
+    counts = session.counts()
+    read = Read.read(demo / "session" / "counts" / "tagger.ecsv")
+    assert counts.rows == len(read) > 100
+    for column in ("start_ps", "length_ps", "flags", "id400_counts", "spcm_counts", "mppc_missed"):
+        assert np.array_equal(counts[column].astype("i8"), np.asarray(read[column]).astype("i8")), column
+    times = np.array([t.rstrip("Z") for t in read["start_utc"]], dtype="datetime64[ns]")
+    assert np.array_equal(counts["start_utc"], times)
+    frames = session.frames("cam")
+    assert len(frames) > 20 and [f.number for f in frames] == sorted(f.number for f in frames)
+    for frame in frames[::20]:
+        with fits.open(frame.path) as file:
+            assert np.array_equal(frame.pixels, file[0].data.astype("u2")) and frame.pixels.dtype == np.uint16
+            assert frame.about["exposure_s"] == file[0].header["EXPTIME"]
+    with pytest.raises(sg.Error, match="nothing"):
+        session.counts("nothing")
+
+
+def test_apertures_are_sums(tmp_path):
+    """Truth: a flat frame with a block of 3 by 3 pixels that is 900 ADU brighter: 8,100 ADU in 2 s, whatever the aperture that holds it; exact to rounding."""
+    pixels = np.full((80, 90), 500, dtype=np.uint16)
+    pixels[39:42, 49:52] += 900
+    # All noise is the read-out's: of photons' the mean lies above the median, and the library adds that.
+    how = dict(radius_px=6.0, annulus_px=(9.0, 14.0), exposure_s=2.0, read_noise_e=50.0)
+    table = sg.aperture(pixels, [[50.0, 40.0], [20.0, 20.0]], **how)
+    assert table["rate_adu_per_s"][0] == pytest.approx(4050.0, rel=1e-6)
+    assert table["rate_adu_per_s"][1] == pytest.approx(0.0, abs=1e-6)
+    assert table["background_adu"] == pytest.approx([500.0, 500.0])
+    assert table["area_px2"][0] == pytest.approx(np.pi * 36, rel=1e-6)
+    # A disc that covers a half of a pixel counts half of it: the pixel's own column at its right edge.
+    one = np.full((60, 60), 100, dtype=np.uint16)
+    one[30, 36] += 1000
+    half = sg.aperture(one, [[30.0, 30.0]], radius_px=6.0, annulus_px=(10.0, 15.0), read_noise_e=50.0)["rate_adu_per_s"][0]
+    assert 400 < half < 500, half
+    assert sg.aperture(pixels.astype(float), [50.0, 40.0], **how)["rate_adu_per_s"][0] == table["rate_adu_per_s"][0]
+    with pytest.raises(ValueError, match="whole numbers"):
+        sg.aperture(pixels + 0.5, [[50.0, 40.0]])
+
+
+def test_devices_are_the_programs(tmp_path):
+    """Simulated devices: their numbers are the program's; a stage stays where it was sent; a recording replays in the program."""
+    theirs = json.loads(program("devices", "read", "sim-pm100", "--with", "power_w=2e-6", "-n", "2", "--json", "-q"))
+    with sg.Device("sim-pm100", {"power_w": 2e-6}) as meter:
+        mine = meter.read(count=2)
+    assert meter.kind == "power meter"
+    assert [r["power_w"] for r in mine["readings"]] == [r["power_w"] for r in theirs["readings"]]
+    recording = tmp_path / "stage.rec"
+    stage = sg.Device("sim-tmcl", record=recording)
+    moved = stage.move(30, 45.5)
+    theirs = json.loads(program("devices", "move", "sim-tmcl", "30", "45.5", "--json", "-q"))
+    assert [m["angle_deg"] for m in moved["moves"]] == [m["angle_deg"] for m in theirs["moves"]]
+    assert stage.read()["readings"][0]["angle_deg"] == moved["moves"][-1]["angle_deg"]
+    stage.close()
+    with pytest.raises(sg.Error, match="closed"):
+        stage.read()
+    assert recording.stat().st_size > 100
+    with pytest.raises(sg.Error, match="slot|angle"):
+        sg.Device("sim-tmcl").move("nowhere")
+    listed = json.loads(program("devices", "list", "--drivers", "--json", "-q"))
+    same(sg.drivers().summary, listed)
+    with pytest.raises(sg.Error):
+        sg.Device("no-such-driver")
+
+
+def test_tracking_is_the_programs(demo):
+    for more, options in ((["--dry-run"], dict(dry_run=True)), ([], {})):
+        arguments = [demo / "satellites.tle", "99004", "--mount", "virtual", "--at", "2020-11-18T16:20:00Z", "--station", "ufo", "--for-s", "60", *more]
+        theirs = json.loads(program("track", *arguments, "--json", "-q"))
+        mine = sg.track(demo / "satellites.tle", 99004, "2020-11-18T16:20:00Z", station="ufo", for_s=60, **options)
+        same(mine.summary, theirs, COSTS)
+    assert mine.table.rows > 100 and mine["true_rms_arcsec"] < 30
+    with pytest.raises(sg.Error, match="virtual-german"):
+        sg.track(demo / "satellites.tle", 99004, "2020-11-18T16:20:00Z", station="ufo", mount="indi-telescope")
+
+
+def ggx_retro(tmp_path):
+    """A run of retro-reflection of a GGX surface (see test_microfacets_are_the_programs; synthetic)."""
+    rows = ["# %ECSV 1.0", "# ---", "# datatype:"]
+    rows += [f"# - {{name: {name}, datatype: float64, unit: {unit}}}" for name, unit in (("angle_deg", "deg"), ("f_per_sr", "1 / sr"), ("sigma_f_per_sr", "1 / sr"))]
+    rows += ["# meta: {kind: retro_reflection, wavelength_nm: 632.8, cone_half_angle_deg: 0.5, scale_sigma: 0.02}", "angle_deg f_per_sr sigma_f_per_sr"]
+    for angle in np.arange(-10.0, 65.5, 0.5):
+        t2, cos2 = math.tan(math.radians(angle)) ** 2, math.cos(math.radians(angle)) ** 2
+        d = 1 / (math.pi * (0.2 * cos2 * (1 + t2 / 0.04)) ** 2)
+        f = 0.9 * d * 2 / (1 + math.sqrt(1 + 0.04 * t2)) / (4 * cos2)
+        rows.append(f"{angle} {f!r} {0.01 * f!r}")
+    table = tmp_path / "retro.ecsv"
+    table.write_text("\n".join(rows) + "\n")
+    return table
+
+
+def test_plans_and_assembled_materials_are_the_programs(tmp_path):
+    """The same file of a material, byte for byte. Truth of its values: a Lambert surface of reflectance 0.5, whose samples it was made of (2 %: the grid's own)."""
+    density = sg.ndf(ggx_retro(tmp_path), resamplings=5)
+    density.write(tmp_path / "ndf.ecsv")
+    theirs = json.loads(program("brdf", "plan", tmp_path / "ndf.ecsv", "--theta-i", "4", "--side", "8", "--json", "-q"))
+    planned = sg.plan(tmp_path / "ndf.ecsv", theta_i=4, side=8)
+    same(planned.summary, theirs, COSTS)
+    assert planned.table.rows > 50
+    theirs = json.loads(program("brdf", "plan", tmp_path / "ndf.ecsv", "--rig", "--least-phase-deg", "25", "--json", "-q"))
+    same(sg.plan(tmp_path / "ndf.ecsv", rig={"least_phase_deg": 25}).summary, theirs, COSTS)
+    rows = ["theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_per_sr"]
+    for incidence in (0, 20, 40, 60, 75):
+        for o in range(0, 85, 6):
+            for azimuth in range(0, 360, 30):
+                rows.append(f"{incidence},0,{o},{azimuth},{0.5 / math.pi:.9g}")
+    samples = tmp_path / "samples.csv"
+    samples.write_text("\n".join(rows) + "\n")
+    options = ["--wavelength-nm", "550", "--theta-i", "12", "--side", "17", "--normals", "48"]
+    program("brdf", "assemble", samples, tmp_path / "ndf.ecsv", "-o", tmp_path / "theirs.bsdf", *options, "-q")
+    made = sg.assemble(samples, tmp_path / "ndf.ecsv", wavelength_nm=550, theta_i=12, side=17, normals=48)
+    assert made.bsdf == (tmp_path / "theirs.bsdf").read_bytes()
+    made.write(tmp_path / "mine.bsdf")
+    assert (tmp_path / "mine.toml").read_text() == (tmp_path / "theirs.toml").read_text().replace("theirs", "mine")
+    light = np.array([[0.0, 0.0, 1.0]])
+    observer = np.array([[math.sin(0.5), 0.0, math.cos(0.5)]])
+    assert made.brdf(550).evaluate(550, light, observer)[0] == pytest.approx(0.5 / math.pi, rel=0.02)
+    assert pickle.loads(pickle.dumps(made)).bsdf == made.bsdf
+
+
+def test_retro_reflection_is_the_programs(tmp_path):
+    """The virtual rig of docs/lab.md: the same table of the same readings."""
+    page = (ROOT / "docs" / "lab.md").read_text()
+    blocks = [b.split("```", 1)[0] for b in page.split("```toml\n")[1:]]
+    run = next(b for b in blocks if b.startswith('virtual = "rig.toml"'))
+    (tmp_path / "rig.toml").write_text(next(b for b in blocks if 'kind = "ggx"' in b))
+    (tmp_path / "run.toml").write_text(run)
+    program("brdf", "retro", "run.toml", "-o", "theirs/", "-q", cwd=tmp_path)
+    mine = sg.retro(tmp_path / "run.toml", tmp_path / "mine")
+    theirs = sg.read_table(tmp_path / "theirs" / "retro.ecsv")
+    assert list(mine.table) == list(theirs)
+    for column in theirs:
+        assert np.array_equal(mine.table[column], theirs[column], equal_nan=theirs[column].dtype.kind == "f"), column
+    again = sg.retro(tmp_path / "run.toml", tmp_path / "theirs", reduce=True)
+    assert again.to_json() == mine.to_json().replace(str(tmp_path / "mine"), str(tmp_path / "theirs"))
+    with pytest.raises(sg.Error, match="begun|go on"):
+        sg.retro(tmp_path / "run.toml", tmp_path / "mine")
+
+
+def test_figures_are_axes(scene):
+    """Truth: the numbers of the result's own table are those of the lines."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    result = sg.Scene(scene, station="ufo").simulate(step_s=10)
+    axes = np.atleast_1d(np.asarray(result.plot(), dtype=object))
+    drawn = {line.get_label(): line.get_ydata() for ax in axes for line in ax.lines}
+    columns = [v for v in result.table.values() if getattr(v, "dtype", object) == np.float64 and v.ndim == 1]
+    assert any(len(y) == len(c) and np.array_equal(np.asarray(y), c, equal_nan=True) for y in drawn.values() for c in columns), drawn.keys()
+    assert all(ax.get_ylabel() for ax in axes) and axes[-1].get_xlabel()
+    again = pickle.loads(pickle.dumps(result))
+    ax = pyplot.figure().add_subplot()
+    assert again.plot(ax) is ax and ax.lines
+    two = pyplot.subplots(len(axes) + 3)[1]
+    with pytest.raises(ValueError, match="axes for"):
+        result.plot(two)
+    # A field of values, and marks on a sky.
+    sg.body_map(scene, step_deg=30).plot()
+    pyplot.close("all")
+
+
+def test_astropys_times_quantities_and_places(demo):
+    """Truth: the same calls with plain numbers and texts."""
+    from astropy import units as u
+    from astropy.coordinates import CartesianRepresentation, SkyCoord
+    from astropy.table import QTable
+    from astropy.time import Time
+
+    when = Time("2020-11-18T18:00:00", scale="utc")
+    plain = sg.star("mine", "2020-11-18T18:00:00Z", "ufo", place=(279.2, 38.8), v_mag=1.0, b_minus_v_mag=0.0, exposure_s=0.1)
+    asked = sg.star("mine", when.tt, "ufo", place=SkyCoord(279.2 * u.deg, 38.8 * u.deg), v_mag=1.0, b_minus_v_mag=0.0, exposure_s=100 * u.ms)
+    same(asked.summary, plain.summary, COSTS)
+    assert sg.air([0, 60] * u.deg, wavelength_nm=[450, 550] * u.nm, altitude_m=0.5 * u.km).to_json() == sg.air([0, 60], wavelength_nm=[450, 550], altitude_m=500).to_json()
+    turn = np.array([[0.0, 0.6, 0.8]])
+    body = sg.Body("cube")
+    mine = body.light(CartesianRepresentation(*turn.T), SkyCoord(10 * u.deg, 20 * u.deg), wavelength_nm=550 * u.nm, range_m=800 * u.km)
+    unit = SkyCoord(10 * u.deg, 20 * u.deg).cartesian.xyz.value
+    assert np.array_equal(mine.per_irradiance_m2_per_sr, body.light(turn, unit, range_m=8e5).per_irradiance_m2_per_sr)
+    folded = sg.fold(demo / "sphere.ecsv", period_s=2 * u.min, epoch=when, station="ufo")
+    assert folded.to_json() == sg.fold(demo / "sphere.ecsv", period_s=120.0, epoch="2020-11-18T18:00:00Z", station="ufo").to_json()
+    table = sg.read_table(demo / "sphere.ecsv")
+    read = table.to_astropy()
+    assert isinstance(read, QTable) and isinstance(read["time_utc"], Time)
+    assert [t + "Z" for t in read["time_utc"].isot][:3] == [str(np.datetime_as_string(t, unit="ns")) + "Z" for t in table.times()][:3]
+    assert read["range_m"].unit == u.m
+
+
+def test_notebooks_see_pictures(scene):
+    body = sg.Body("cube")
+    assert body._repr_png_()[:4] == b"\x89PNG" and body._repr_png_() == body.picture()
+    shown = sg.Scene(scene)._repr_html_()
+    assert "data:image/png;base64," in shown and "box_wing" in shown
+    assert pickle.loads(pickle.dumps(sg.Scene(scene).body)).materials == sg.Scene(scene).body.materials
+    table = sg.Scene(scene, station="ufo").simulate(step_s=20).table
+    html = table._repr_html_()
+    assert html.count("<tr>") == len(table) and "<svg" in html and table() is table
 
 
 def test_curves_and_bodies_travel(tmp_path):

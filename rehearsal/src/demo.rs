@@ -15,3 +15,18 @@ pub fn files(seed: u64) -> Vec<(&'static str, String)> {
     let own = format!("seed = {}\n", seed.wrapping_add(1));
     FILES.iter().map(|(name, text)| (*name, text.replace("seed = 1\n", &own))).collect()
 }
+
+/// The files of a shorter night, names and texts: one satellite, `demo-sat`, a cube that turns, and stars to calibrate by. `virtual.toml` wants the simulated light
+/// curve of `pass.toml`, as `simulated/demo-sat.ecsv`.
+pub const SHORT: [(&str, &str); 4] = [
+    ("pass.toml", include_str!("../demo/short/pass.toml")),
+    ("night.toml", include_str!("../demo/short/night.toml")),
+    ("virtual.toml", include_str!("../demo/short/virtual.toml")),
+    ("satellites.tle", include_str!("../demo/satellites.tle")),
+];
+
+/// The files of the shorter night with another seed: `seed` is added to the file's own.
+pub fn short_files(seed: u64) -> Vec<(&'static str, String)> {
+    let own = format!("seed = {}\n", seed.wrapping_add(1));
+    SHORT.iter().map(|(name, text)| (*name, text.replace("seed = 1\n", &own))).collect()
+}

@@ -4,9 +4,11 @@
 //!
 //! - [`VirtualNight`]: the opener of a plan that names a virtual night;
 //! - [`planned`]: a plan as a night that can run, with its virtual observatory where it has one;
-//! - [`demo`]: the files of the demonstration's night.
+//! - [`demo`]: the files of the demonstration's night;
+//! - [`track`]: a virtual telescope that follows a satellite.
 
 pub mod demo;
 mod night;
+pub mod track;
 
 pub use night::{VirtualNight, planned};

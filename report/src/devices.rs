@@ -13,10 +13,39 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_drivers::catalogue::Address;
-use sunglint_drivers::device::{Identity, Origin, Value as SettingValue};
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{Device, DeviceError, Identity, Origin, Value as SettingValue};
 use sunglint_drivers::recording::{Header, ReplayError};
 use sunglint_drivers::session::{Check, CheckStep, Finding, Moves, SettingsDone};
 use sunglint_formats::{Column, Table};
+
+/// Who a device says it is, with all its settings, as JSON; each step has a deadline.
+///
+/// # Errors
+/// Those of the device.
+pub fn described(
+    device: &mut dyn Device,
+    within: &dyn Fn() -> Deadline,
+) -> Result<Value, DeviceError> {
+    let identity = device.identity(&within())?;
+    let settings = device.settings(&within())?.into_iter().map(|setting| {
+        let value = match setting.value {
+            SettingValue::Number(number) => json!(number),
+            SettingValue::Integer(number) => json!(number),
+            SettingValue::Text(text) => json!(text),
+            SettingValue::Flag(flag) => json!(flag),
+        };
+        (setting.name.to_owned(), value)
+    });
+    Ok(json!({
+        "vendor": identity.vendor,
+        "model": identity.model,
+        "serial": identity.serial,
+        "firmware": identity.firmware,
+        "driver": identity.driver,
+        "settings": settings.collect::<Map<_, _>>(),
+    }))
+}
 
 /// Returns the device in a line.
 pub fn title(address: &Address, about: &Identity) -> String {

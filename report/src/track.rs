@@ -50,6 +50,22 @@ impl TrackReport {
         self.went = Some(summary);
     }
 
+    /// Takes over what a virtual telescope knows: distances of the target from its axis, as seconds of the path and arcsec.
+    pub fn knows(&mut self, steps: &[TrackStep], truth: &[[f64; 2]]) {
+        let Some((summary, locked_s)) =
+            self.went.as_ref().and_then(|went| Some((went, went.locked_s?)))
+        else {
+            return;
+        };
+        let turned_s = turned_s(steps, summary.began_s);
+        let late = |row: &&[f64; 2]| row[0] > locked_s + 5.0 && !is_within(&turned_s, row[0]);
+        let squares: Vec<f64> = truth.iter().filter(late).map(|row| row[1].powi(2)).collect();
+        if !squares.is_empty() {
+            self.true_rms_arcsec =
+                Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt());
+        }
+    }
+
     /// The result in all its forms.
     ///
     /// # Errors

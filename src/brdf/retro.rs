@@ -22,9 +22,8 @@ use sunglint_materials::retro::measure::{
     Hands, HandsError, Line, Phase, Rig, State, measure, measured,
 };
 use sunglint_materials::retro::plan::RunPlan;
-use sunglint_materials::retro::{reduce, to_table};
+use sunglint_materials::retro::reduce;
 use sunglint_page::LabReading;
-use sunglint_report::Product;
 use sunglint_report::brdf::retro as show;
 use sunglint_virtual::rig::devices::VirtualRig;
 use sunglint_virtual::rig::options::Options;
@@ -268,24 +267,10 @@ fn finish(
     for note in &retro.notes {
         console.warn(&note.to_string());
     }
-    let kept = lines.iter().filter(|l| l.state == State::Kept && l.phase == Phase::Sample);
-    let asked: std::collections::HashSet<u64> = kept.map(|l| l.asked_deg.to_bits()).collect();
-    let missing = |angle: &f64| !asked.contains(&angle.to_bits());
-    let left = plan.measuring.scan.angles().iter().filter(|angle| missing(angle)).count();
+    let left = show::left(plan, lines);
     if left > 0 {
         console.warn(&format!("{left} angles are not measured yet: go on with --resume"));
     }
-    let mut table = to_table(&retro);
-    table.meta.insert("sample".into(), json!(plan.name));
-    table.meta.insert("devices".into(), devices.clone());
-    table.meta.insert("program".into(), json!(format!("sunglint {}", env!("CARGO_PKG_VERSION"))));
-    table.meta.insert("plan".into(), json!(plan.source));
-    let product = Product {
-        name: "retro".into(),
-        figure: Some(show::figure(&retro, &plan.name)),
-        json: show::document(&retro, &folder.display().to_string(), left),
-        table,
-        ..Product::default()
-    };
+    let product = show::product(&retro, plan, lines, devices, folder);
     out.finish(&product, &show::text(&retro, left), console)
 }

@@ -4,7 +4,7 @@ use crate::interrupt::{Hangup, listen as listen_for};
 use crate::output::{Console, OutputArgs, Usage};
 use anyhow::{Context as _, bail};
 use hifitime::Epoch;
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 use std::io::IsTerminal as _;
 use std::path::{MAIN_SEPARATOR, PathBuf};
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage, Value as SettingValue};
+use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
 use sunglint_materials::retro::measure::{Hands, HandsError};
 
 /// How long opening a device, and finding a stage's reference, may take.
@@ -115,24 +115,7 @@ pub(super) fn meter(
 /// Who a device says it is, with all its settings.
 pub(super) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::Result<Value> {
     let within = || Deadline::after(clock.clock.clone(), OPEN);
-    let identity = device.identity(&within())?;
-    let settings = device.settings(&within())?.into_iter().map(|setting| {
-        let value = match setting.value {
-            SettingValue::Number(number) => json!(number),
-            SettingValue::Integer(number) => json!(number),
-            SettingValue::Text(text) => json!(text),
-            SettingValue::Flag(flag) => json!(flag),
-        };
-        (setting.name.to_owned(), value)
-    });
-    Ok(json!({
-        "vendor": identity.vendor,
-        "model": identity.model,
-        "serial": identity.serial,
-        "firmware": identity.firmware,
-        "driver": identity.driver,
-        "settings": settings.collect::<Map<_, _>>(),
-    }))
+    Ok(sunglint_report::devices::described(device, &within)?)
 }
 
 /// Somebody at the rig.

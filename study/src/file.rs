@@ -24,7 +24,7 @@ use crate::design::{
     self, MOST_POINTS, MOST_SOBOL_PARAMETERS, MOST_SOBOL_POINTS, Range, Scale, Value,
 };
 use crate::table::Kind;
-use crate::{StudyError, scene};
+use crate::{PROGRAM, StudyError, scene};
 use hifitime::Epoch;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -147,7 +147,7 @@ pub struct Study {
     pub keeps_samples: bool,
     /// Tasks of a shard.
     pub tasks_a_shard: usize,
-    /// Identity: SHA-256 of the study, the scene, what they name, the station, and the program's version.
+    /// Identity: SHA-256 of the study, the scene, what they name, the station, and the program's version and sources ([`PROGRAM`]).
     pub id: String,
     /// Kinds of the parameters' columns: numbers where all values are, else texts.
     pub kinds: Vec<Kind>,
@@ -179,10 +179,7 @@ impl Study {
     pub fn read(path: impl AsRef<Path>, stations: Stations) -> Result<Self, StudyError> {
         let document = Document::read(path)?;
         let keys: Keys = document.parse()?;
-        let mut identity = vec![
-            concat!("sunglint ", env!("CARGO_PKG_VERSION")).to_owned(),
-            sha256(document.source().as_bytes()),
-        ];
+        let mut identity = vec![PROGRAM.to_owned(), sha256(document.source().as_bytes())];
         let scene = document.resolve(&keys.study.scene);
         let text = sunglint_formats::read::text(&scene)?;
         let base: toml::Table = text.parse().map_err(|e: toml::de::Error| {

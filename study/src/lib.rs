@@ -27,6 +27,10 @@ pub mod slurm;
 pub mod table;
 pub mod task;
 
+/// The program, and what stands for the sources of all that a study's numbers come from: two states of them do not share a folder.
+pub const PROGRAM: &str =
+    concat!("sunglint ", env!("CARGO_PKG_VERSION"), env!("SUNGLINT_STUDY_SOURCES"));
+
 pub use caught::caught;
 pub use error::StudyError;
 pub use file::{Stations, Study};

@@ -2,11 +2,13 @@
 
 use crate::table::{notes, write};
 use crate::task::{self, Scene, sample_columns, summary_columns};
-use crate::{Study, StudyError, caught};
+use crate::{PROGRAM, Study, StudyError, caught};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::time::Duration;
 use sunglint_formats::FileError;
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::sha256;
@@ -20,6 +22,11 @@ pub const MANIFEST: &str = "manifest.json";
 pub const SUMMARY: &str = "summary";
 /// Folder of the samples.
 pub const SAMPLES: &str = "samples";
+/// Tasks that are under way together, for each thread, at least; shards that are smaller are made together. A thread that is done with its own waits for the
+/// others' last task: of so many, that is little.
+const TASKS_A_THREAD: usize = 16;
+/// Times that a file is read that other nodes may be replacing, and the pause between.
+const STALE: (usize, Duration) = (20, Duration::from_millis(100));
 
 /// Part of a study's shards: every `of`-th, from the `part`-th, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +40,11 @@ pub struct Part {
 impl Part {
     /// All shards.
     pub const ALL: Self = Self { part: 1, of: 1 };
+
+    /// Whether it is all shards.
+    pub fn is_all(self) -> bool {
+        self.of == 1
+    }
 
     fn holds(self, shard: usize) -> bool {
         shard % self.of == self.part - 1
@@ -69,15 +81,19 @@ pub struct ShardFile {
     pub rows: u64,
 }
 
-/// Report of a run.
+/// Report of a run. Of a part it counts the part's own tasks, shards and files alone: with thousands of parts, each looking at all files would be more work for
+/// the file system than the study.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Report {
     /// Name of the study.
     pub study: String,
     /// Identity of the study.
     pub id: String,
-    /// Program that made it.
+    /// Program that made it, and what stands for its sources.
     pub program: String,
+    /// The part, `K/N`; `None` for the whole study.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Keys that change.
     pub parameters: Vec<String>,
     /// Points.
@@ -103,9 +119,9 @@ pub struct Ran {
     pub made: usize,
     /// Shards of the part that were there before.
     pub found: usize,
-    /// State of the whole study after it.
+    /// State of the study after it, or of the part.
     pub report: Report,
-    /// Where the manifest is, once no shard is missing.
+    /// Where the manifest is: of a run of all shards.
     pub manifest: Option<PathBuf>,
 }
 
@@ -113,7 +129,12 @@ fn file(folder: &str, shard: usize) -> String {
     format!("{folder}/part-{shard:06}.parquet")
 }
 
-/// Makes what is missing of a part of a study, and the manifest once no shard is missing.
+/// Tables that a study keeps.
+fn tables(study: &Study) -> impl Iterator<Item = &'static str> {
+    [SUMMARY].into_iter().chain(study.keeps_samples.then_some(SAMPLES))
+}
+
+/// Makes what is missing of a part of a study; the manifest, where the part is all of it.
 ///
 /// A shard that is there, whole and of this study, is left alone. Every shard is written at once, under its own name: two runs that make the same one write
 /// the same bytes.
@@ -129,16 +150,21 @@ pub fn run(
     let part = part.check()?;
     prepare(study, folder)?;
     let wanted: Vec<usize> = (0..study.shards()).filter(|s| part.holds(*s)).collect();
-    let missing: Vec<usize> =
-        wanted.iter().copied().filter(|s| done(study, folder, *s).is_none()).collect();
+    let missing = missing_of(study, folder, wanted.iter().copied());
     let steps: usize = missing.iter().map(|s| study.shard(*s).len()).sum();
     progress.begin("tasks", Some(steps as u64));
-    for shard in &missing {
-        make(study, folder, *shard, progress)?;
+    let threads = rayon::current_num_threads();
+    let together = match threads {
+        1 => 1,
+        _ => (threads * TASKS_A_THREAD).div_ceil(study.tasks_a_shard),
+    };
+    for group in missing.chunks(together) {
+        group.par_iter().try_for_each(|shard| make(study, folder, *shard, progress))?;
     }
-    let report = report(study, folder, progress)?;
+    let report = report(study, folder, part, progress)?;
     let manifest = match report.missing {
-        0 => {
+        0 if part.is_all() => {
+            clean(study, folder);
             let path = folder.join(MANIFEST);
             let text = serde_json::to_string_pretty(&report).map_err(std::io::Error::other);
             let text = text.map_err(|e| FileError::io("write", &path, e))?;
@@ -150,7 +176,57 @@ pub fn run(
     Ok(Ran { made: missing.len(), found: wanted.len() - missing.len(), report, manifest })
 }
 
-/// Makes the folders, and marks them as this study's.
+/// Removes what killed tasks left of files that were being written. All shards are there: whoever still writes one has nothing to add.
+fn clean(study: &Study, folder: &Path) {
+    for table in tables(study) {
+        let Ok(entries) = std::fs::read_dir(folder.join(table)) else { continue };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            let name = name.as_encoded_bytes();
+            if name.starts_with(b".sunglint-") && name.ends_with(b".part") {
+                // What cannot be removed does no harm: no reader takes a hidden file.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+/// Makes a network's file system look at the study's folders anew. NFS remembers for up to a minute that a name was not there, and forgets that where its own
+/// machine changes the folder.
+pub fn refresh(study: &Study, folder: &Path) {
+    for table in tables(study) {
+        let probe = folder.join(table).join(format!(".sunglint-look-{}.part", std::process::id()));
+        // A folder that takes no file is looked at as it is: what is there is seen later.
+        if std::fs::File::create_new(&probe).is_ok() {
+            let _ = std::fs::remove_file(&probe);
+        }
+    }
+}
+
+/// The identity in a folder's mark; `None` where there is no mark. A file that another node replaced while it was open is read again.
+fn marked(mark: &Path) -> Result<Option<String>, StudyError> {
+    let mut tried = 0;
+    loop {
+        match sunglint_formats::read::text(mark) {
+            Ok(text) => {
+                let id = serde_json::from_str::<Mark>(&text).map(|m| m.id);
+                return Ok(Some(id.unwrap_or_default()));
+            }
+            Err(FileError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+                return Ok(None);
+            }
+            Err(FileError::Io { source, .. })
+                if source.kind() == ErrorKind::StaleNetworkFileHandle && tried < STALE.0 =>
+            {
+                tried += 1;
+                std::thread::sleep(STALE.1);
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+/// Makes the folders, and marks them as this study's where they are not: thousands of tasks that begin together only read the mark.
 ///
 /// # Errors
 /// The folder holds another study, or cannot be made.
@@ -161,25 +237,23 @@ pub fn prepare(study: &Study, folder: &Path) -> Result<(), StudyError> {
     };
     std::fs::create_dir_all(folder).map_err(io(folder))?;
     let mark = folder.join(MARK);
-    if mark.exists() {
-        let text = sunglint_formats::read::text(&mark)?;
-        let found = serde_json::from_str::<Mark>(&text).map(|m| m.id).unwrap_or_default();
-        if found != study.id {
-            let short = |id: &str| id.chars().take(12).collect::<String>();
-            return Err(StudyError::OtherStudy {
-                path: folder.to_path_buf(),
-                found: if found.is_empty() { "unreadable".into() } else { short(&found) },
-                id: short(&study.id),
-            });
-        }
+    let found = marked(&mark)?;
+    if let Some(found) = found.as_ref().filter(|found| **found != study.id) {
+        let short = |id: &str| id.chars().take(12).collect::<String>();
+        return Err(StudyError::OtherStudy {
+            path: folder.to_path_buf(),
+            found: if found.is_empty() { "unreadable".into() } else { short(found) },
+            id: short(&study.id),
+        });
     }
-    let tables = [SUMMARY].into_iter().chain(study.keeps_samples.then_some(SAMPLES));
-    for table in tables {
+    for table in tables(study) {
         let table = folder.join(table);
         std::fs::create_dir_all(&table).map_err(io(&table))?;
     }
-    let text = format!("{}\n", serde_json::json!({ "id": study.id, "study": study.name }));
-    write_file(&mark, text.as_bytes(), Overwrite::Allow)?;
+    if found.is_none() {
+        let text = format!("{}\n", serde_json::json!({ "id": study.id, "study": study.name }));
+        write_file(&mark, text.as_bytes(), Overwrite::Allow)?;
+    }
     Ok(())
 }
 
@@ -201,7 +275,7 @@ pub fn missing_of(
 fn done(study: &Study, folder: &Path, shard: usize) -> Option<(u64, Vec<(String, u64)>)> {
     let mut files = Vec::new();
     let mut failed = 0;
-    for table in [SUMMARY].into_iter().chain(study.keeps_samples.then_some(SAMPLES)) {
+    for table in tables(study) {
         let name = file(table, shard);
         let (notes, rows) = notes(&folder.join(&name))?;
         let note = |key: &str| notes.iter().find(|(k, _)| k == key).map(|(_, v)| v.as_str());
@@ -255,25 +329,34 @@ fn make(
     write(&folder.join(file(SUMMARY, shard)), &summary_columns(study), &summary, &notes)
 }
 
-/// State of a study in its folder. The files are read whole, for their SHA-256, only where no shard is missing; else only their ends are.
+/// State of a study in its folder, or of a part of it. The files are read whole, for their SHA-256, only where no shard of all is missing; else only their ends
+/// are.
 ///
 /// # Errors
 /// A file that cannot be read; the work was stopped.
-pub fn report(study: &Study, folder: &Path, progress: &dyn Progress) -> Result<Report, StudyError> {
+pub fn report(
+    study: &Study,
+    folder: &Path,
+    part: Part,
+    progress: &dyn Progress,
+) -> Result<Report, StudyError> {
     let mut report = Report {
         study: study.name.clone(),
         id: study.id.clone(),
-        program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
+        program: PROGRAM.into(),
+        part: (!part.is_all()).then(|| format!("{}/{}", part.part, part.of)),
         parameters: study.parameters.clone(),
         points: study.points.len(),
         objects: study.passes.as_ref().map_or(0, |p| p.objects.len()),
-        tasks: study.tasks(),
+        tasks: 0,
         failed: 0,
-        shards: study.shards(),
+        shards: 0,
         missing: 0,
         files: Vec::new(),
     };
-    for shard in 0..study.shards() {
+    for shard in (0..study.shards()).filter(|s| part.holds(*s)) {
+        report.shards += 1;
+        report.tasks += study.shard(shard).len();
         let Some((failed, files)) = done(study, folder, shard) else {
             report.missing += 1;
             continue;
@@ -285,7 +368,7 @@ pub fn report(study: &Study, folder: &Path, progress: &dyn Progress) -> Result<R
             report.files.push(ShardFile { file, bytes: about.len(), sha256: None, rows });
         }
     }
-    if report.missing == 0 {
+    if report.missing == 0 && part.is_all() {
         for file in &mut report.files {
             if progress.is_cancelled() {
                 return Err(Cancelled.into());

@@ -125,7 +125,9 @@ fn one_core_eight_threads_parts_and_stops_give_the_same_bytes() {
     // The last part first; then one that is stopped in its middle; then all.
     let parts = dir.path().join("parts");
     let ran = run(&study, &parts, Part { part: 2, of: 2 }, &Silent).expect("done");
-    assert_eq!((ran.made, ran.report.missing, ran.manifest), (1, 2, None));
+    assert_eq!((ran.made, ran.report.missing, ran.manifest), (1, 0, None));
+    assert_eq!((ran.report.shards, ran.report.tasks, ran.report.files.len()), (1, 2, 2));
+    assert_eq!(ran.report.part.as_deref(), Some("2/2"));
     let stops = Stops { after: 1, done: AtomicU64::new(0) };
     let error = run(&study, &parts, Part::ALL, &stops).expect_err("stopped");
     assert!(matches!(error, StudyError::Cancelled(_)), "{error}");
@@ -145,6 +147,69 @@ fn one_core_eight_threads_parts_and_stops_give_the_same_bytes() {
     assert_eq!(alone, files(&parts));
     let ran = run(&study, &parts, Part::ALL, &Silent).expect("done");
     assert_eq!((ran.made, ran.found), (0, 3));
+    // What a kill leaves of a file that was being written goes with the manifest.
+    let left = parts.join("summary/.sunglint-x7Yz.part");
+    std::fs::write(&left, b"half").expect("written");
+    run(&study, &parts, Part { part: 1, of: 2 }, &Silent).expect("done");
+    assert!(left.exists(), "somebody may be writing it");
+    run(&study, &parts, Part::ALL, &Silent).expect("done");
+    assert_eq!(alone, files(&parts));
+}
+
+/// Thousands of tasks begin together: none writes the mark that is there.
+#[cfg(unix)]
+#[test]
+fn the_mark_is_written_once() {
+    use std::os::unix::fs::MetadataExt as _;
+    let (dir, path) = folder(SPHERES);
+    let study = read(&path).expect("a study");
+    let out = dir.path().join("out");
+    sunglint_study::run::prepare(&study, &out).expect("marked");
+    // A file that is replaced is another one.
+    let file = || std::fs::metadata(out.join("study.json")).expect("a mark").ino();
+    let first = file();
+    run(&study, &out, Part { part: 1, of: 2 }, &Silent).expect("done");
+    run(&study, &out, Part::ALL, &Silent).expect("done");
+    assert_eq!(first, file());
+}
+
+/// Waits in the first two tasks until both are under way.
+#[derive(Default)]
+struct Meets {
+    here: std::sync::Mutex<u32>,
+    both: std::sync::Condvar,
+}
+
+impl Progress for Meets {
+    fn advance(&self, _: u64) {
+        let mut here = self.here.lock().expect("a number");
+        *here += 1;
+        self.both.notify_all();
+        let patience = std::time::Duration::from_secs(60);
+        let met = self.both.wait_timeout_while(here, patience, |here| *here < 2).expect("a number");
+        assert!(!met.1.timed_out(), "one shard at a time");
+    }
+}
+
+/// Shards of one task each are made by all threads. Truth: with one after the other, the first would wait for ever for the second.
+#[test]
+fn small_shards_are_made_together() {
+    let (dir, path) = folder(&SPHERES.replace("tasks_a_shard = 2", "tasks_a_shard = 1"));
+    let study = read(&path).expect("a study");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+    let out = dir.path().join("out");
+    let ran = pool.install(|| run(&study, &out, Part::ALL, &Meets::default())).expect("done");
+    assert_eq!((ran.made, ran.report.failed), (5, 0));
+    assert_eq!(files(&out), made(&study, &dir.path().join("alone"), 1));
+}
+
+/// The sources of the physics are in the identity, and it says so of itself; not those of a crate alone.
+#[test]
+fn the_sources_are_part_of_the_programs_name() {
+    let (name, sources) = sunglint_study::PROGRAM.split_once(" (sources ").expect("sources");
+    assert_eq!(name, concat!("sunglint ", env!("CARGO_PKG_VERSION")));
+    let sources = sources.strip_suffix(')').expect("a bracket");
+    assert!(sources.len() == 16 && sources.bytes().all(|b| b.is_ascii_hexdigit()), "{sources}");
 }
 
 #[test]
@@ -255,10 +320,11 @@ fn files_are_hashed_once_all_are_there() {
     let study = read(&path).expect("a study");
     let out = dir.path().join("out");
     let first = run(&study, &out, Part { part: 1, of: 2 }, &Silent).expect("done");
-    assert!(first.report.missing > 0 && first.manifest.is_none());
+    assert!(first.report.missing == 0 && first.manifest.is_none());
     assert!(first.report.files.iter().all(|f| f.sha256.is_none() && f.bytes > 0 && f.rows > 0));
-    let last = run(&study, &out, Part { part: 2, of: 2 }, &Silent).expect("done");
-    assert_eq!(last.report.missing, 0);
+    run(&study, &out, Part { part: 2, of: 2 }, &Silent).expect("done");
+    let last = run(&study, &out, Part::ALL, &Silent).expect("done");
+    assert_eq!((last.made, last.report.missing), (0, 0));
     for file in &last.report.files {
         let bytes = std::fs::read(out.join(&file.file)).expect("a file");
         assert_eq!(file.sha256.as_deref(), Some(sunglint_formats::sha256(&bytes).as_str()));

@@ -1,12 +1,15 @@
 //! Retro-reflection against angle: figure, words, document.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::rounded;
+use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::path::Path;
 use sunglint_materials::ndf::ZeroOrigin;
-use sunglint_materials::retro::{Retro, Row, smallest_alpha};
+use sunglint_materials::retro::measure::{Line, Phase, State};
+use sunglint_materials::retro::plan::RunPlan;
+use sunglint_materials::retro::{Retro, Row, smallest_alpha, to_table};
 use sunglint_materials::table::RetroFlags;
 
 /// Powers as eight heights of blocks, from the logarithm of the least to that of the largest; what is no light is a blank.
@@ -26,6 +29,36 @@ pub fn curve(powers: &[f64]) -> String {
         BLOCKS[((part * 8.0) as usize).min(7)]
     };
     powers.iter().map(block).collect()
+}
+
+/// Angles of a plan that its lines do not have yet.
+pub fn left(plan: &RunPlan, lines: &[Line]) -> usize {
+    let kept = lines.iter().filter(|l| l.state == State::Kept && l.phase == Phase::Sample);
+    let asked: std::collections::HashSet<u64> = kept.map(|l| l.asked_deg.to_bits()).collect();
+    let missing = |angle: &&f64| !asked.contains(&angle.to_bits());
+    plan.measuring.scan.angles().iter().filter(missing).count()
+}
+
+/// A reduced run in all its forms; `devices` are what its devices said of themselves.
+pub fn product(
+    retro: &Retro,
+    plan: &RunPlan,
+    lines: &[Line],
+    devices: &Value,
+    folder: &Path,
+) -> Product {
+    let mut table = to_table(retro);
+    table.meta.insert("sample".into(), json!(plan.name));
+    table.meta.insert("devices".into(), devices.clone());
+    table.meta.insert("program".into(), json!(format!("sunglint {}", env!("CARGO_PKG_VERSION"))));
+    table.meta.insert("plan".into(), json!(plan.source));
+    Product {
+        name: "retro".into(),
+        figure: Some(figure(retro, &plan.name)),
+        json: document(retro, &folder.display().to_string(), left(plan, lines)),
+        table,
+        ..Product::default()
+    }
 }
 
 /// f against the angle, its uncertainties by component, the powers behind it.

@@ -463,6 +463,44 @@ impl IntensityWorker<'_> {
         Ok(Lit { phase_deg: phase_deg(aspect), met })
     }
 
+    /// The light at one of the wavelengths by the material that sent it, written to two rows of one number for each material and one more, for light that went by several:
+    /// over the Sun's irradiance, m² sr⁻¹, and its stated error. Their sums are what [`IntensityWorker::light_into`] gives.
+    ///
+    /// # Errors
+    /// Those of [`IntensityWorker::light`]; rows of another length.
+    pub fn light_by_material(
+        &mut self,
+        aspect: &Aspect,
+        wavelength: usize,
+        light: &mut [f64],
+        error: &mut [f64],
+    ) -> Result<Lit, IntensityError> {
+        let all = self.all;
+        let (several, count) = (all.materials.len(), all.sun.len());
+        for found in [light.len(), error.len()] {
+            if found != several + 1 {
+                return Err(DirectionError::Room { found, expected: several + 1 }.into());
+            }
+        }
+        if wavelength >= count {
+            return Err(DirectionError::Room { found: wavelength + 1, expected: count }.into());
+        }
+        self.weigh(aspect, &aspect.lighting())?;
+        light.fill(0.0);
+        error.fill(0.0);
+        for (k, term) in all.engine.terms().iter().enumerate() {
+            let tau = all.tau[k * count + wavelength];
+            let row = term.material.unwrap_or(several);
+            if k < all.engine.lit_terms() {
+                light[row] += tau * self.weights[k];
+            }
+            error[row] += tau.abs() * self.errors[k];
+        }
+        let (sum, doubt) = self.sums(wavelength);
+        let met = sum <= 0.0 || doubt / sum <= all.options.tolerance;
+        Ok(Lit { phase_deg: phase_deg(aspect), met })
+    }
+
     /// The light of an aspect.
     ///
     /// # Errors
