@@ -843,7 +843,11 @@ impl LiveState {
                 })
                 .collect(),
             events: inner.events.iter().filter(|e| e.number > seen_events).cloned().collect(),
-            events_missed: first_event.saturating_sub(seen_events + 1),
+            // A reader that asks for the first time has missed nothing.
+            events_missed: match seen_events {
+                0 => 0,
+                seen => first_event.saturating_sub(seen + 1),
+            },
         })
     }
 

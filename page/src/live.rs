@@ -10,7 +10,7 @@ use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, TryLockError};
 use std::time::Duration as Wait;
 use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
@@ -181,7 +181,10 @@ impl LiveNight {
                 to_s: (to - start).to_seconds(),
             }
         };
-        let devices = self.state.devices().into_iter().map(|device| DeviceView {
+        let devices = self.state.devices();
+        let camera = devices.iter().find(|device| device.kind == "camera");
+        let station_camera = camera.map(|device| device.name.clone());
+        let devices = devices.into_iter().map(|device| DeviceView {
             kind: if device.kind == "camera" { DeviceKind::Camera } else { DeviceKind::Counter },
             name: device.name,
             channels: device.channels,
@@ -209,6 +212,7 @@ impl LiveNight {
             devices: devices.collect(),
             visits: slots.iter().map(visit).collect(),
             fibres: fibres(&station),
+            station_camera,
             sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
             flag_names: flag_names(),
             sun_limit_deg: self.state.sun_limit_deg(),
@@ -240,14 +244,21 @@ impl LiveNight {
 
     fn marks(&self, camera: &str) -> Result<Answer, Answer> {
         let (_, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
-        let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
+        // One measurement at a time: several pages that ask for it must not hold all workers.
+        let mut marked = match self.marked.try_lock() {
+            Ok(marked) => marked,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                return Err(Answer::error(503, "a frame is being measured: ask again"));
+            }
+        };
         if let Some((name, of, answer)) = &*marked
             && name == camera
             && *of == frame.start
         {
             return Ok(answer.clone());
         }
-        let answer = marks(&frame, &self.station()?)?;
+        let answer = marks(&frame, &self.station()?, self.start()?)?;
         *marked = Some((camera.to_owned(), frame.start, answer.clone()));
         Ok(answer)
     }

@@ -1,6 +1,7 @@
 //! Marks on a frame: where the reduction would find its target, and what it would measure there.
 
 use crate::request::Answer;
+use hifitime::Epoch;
 use serde::Serialize;
 use sunglint_calibration::photometry::{Expected, FrameCalibration, FrameReducer, PhotometryError};
 use sunglint_calibration::reduction::frames::FrameOptions;
@@ -11,6 +12,8 @@ use sunglint_radiometry::station::Station;
 /// Target of a frame, as the reduction would measure it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct MarksView {
+    /// Start of the frame, s after the session's start: marks of another frame are not drawn.
+    start_s: f64,
     /// Column and row of the target; `None`: none found.
     place_px: Option<[f64; 2]>,
     aperture_px: f64,
@@ -30,7 +33,7 @@ struct PlaneView {
 }
 
 /// Finds and measures the target of a frame as the reduction does with the station's usual options, but without dark frames and with an aperture of 8 px.
-pub(crate) fn marks(frame: &Frame, station: &Station) -> Result<Answer, Answer> {
+pub(crate) fn marks(frame: &Frame, station: &Station, start: Epoch) -> Result<Answer, Answer> {
     let wrong = |text: &str| Answer::error(422, text);
     let options = FrameOptions::for_station(station)
         .ok_or_else(|| wrong("the station of this session has no camera"))?;
@@ -49,6 +52,7 @@ pub(crate) fn marks(frame: &Frame, station: &Station) -> Result<Answer, Answer> 
         flags: names(plane.flags),
     });
     Ok(Answer::json(&MarksView {
+        start_s: (frame.start - start).to_seconds(),
         place_px: measured.place_px,
         aperture_px,
         annulus_px,

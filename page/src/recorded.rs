@@ -98,6 +98,8 @@ pub struct About {
     pub visits: Vec<VisitView>,
     /// Fields of fibres.
     pub fibres: Vec<FibreView>,
+    /// Name of the camera that the station describes, on which the fibres lie and the reduction has its place: the first one.
+    pub station_camera: Option<String>,
     /// Size of the camera's sensor, px.
     pub sensor_px: Option<[u32; 2]>,
     /// Names of the bits of the counts' flags.
@@ -177,7 +179,8 @@ pub struct CountsView {
 #[derive(Serialize)]
 struct EventsView<'a> {
     events: &'a [LiveEvent],
-    left_out: usize,
+    /// Whether there are more after them.
+    more: bool,
 }
 
 /// Rates of the sky by channel, for a counter and the number of a visit.
@@ -408,6 +411,7 @@ impl Recording {
             devices: manifest.devices.iter().map(device).collect(),
             visits: self.visits.iter().map(visit).collect(),
             fibres: station.map(fibres).unwrap_or_default(),
+            station_camera: self.session.cameras().next().map(str::to_owned),
             sensor_px: station.and_then(|s| s.camera.as_ref()).map(|camera| camera.size_px),
             flag_names: flag_names(),
             sun_limit_deg: None,
@@ -447,7 +451,7 @@ impl Recording {
         let film = self.film(camera).ok_or_else(Answer::missing)?;
         let frame = self.read(film, index.parse().map_err(|_| Answer::missing())?)?;
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
-        marks(&frame, station)
+        marks(&frame, station, self.start)
     }
 
     fn counts(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {
@@ -538,9 +542,12 @@ impl Recording {
         })
     }
 
-    fn all_events(&self) -> Answer {
-        let left_out = self.events.len().saturating_sub(EVENTS);
-        Answer::json(&EventsView { events: &self.events[left_out..], left_out })
+    /// The events after a number, the oldest first: whoever wants all asks until there are no more.
+    fn events_after(&self, request: &Request) -> Answer {
+        let after = request.whole("after").unwrap_or(0);
+        let rest = &self.events[self.events.partition_point(|event| event.number <= after)..];
+        let events = &rest[..rest.len().min(EVENTS)];
+        Answer::json(&EventsView { events, more: events.len() < rest.len() })
     }
 }
 
@@ -610,7 +617,7 @@ impl Source for Recording {
             ["recipes"] => Ok(Rework::names(&self.session)),
             ["recipes", name] => Rework::recipe(&self.session, name),
             ["about"] => Ok(Answer::json(&self.about())),
-            ["events"] => Ok(self.all_events()),
+            ["events"] => Ok(self.events_after(request)),
             ["frames", camera] => self.film(camera).ok_or_else(Answer::missing).map(|film| {
                 let number = film.files.iter().map(|file| file.sequence).collect();
                 Answer::json(&FilmView { start_s: &film.start_s, number })

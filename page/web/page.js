@@ -8,35 +8,67 @@ const root = document.documentElement;
 // --- the server ---------------------------------------------------------------------------------------------------------
 
 const TOKEN = "sunglint-token";
-const told = new URLSearchParams(location.hash.slice(1)).get("token");
-if (told) {
-  sessionStorage.setItem(TOKEN, told);
-  // Out of the address, so that it is in no screenshot and no bookmark.
-  history.replaceState(null, "", location.pathname);
-}
 const token = () => sessionStorage.getItem(TOKEN);
+// What depends on whether this page may steer: done at once, and again when that changes.
+const steering = [];
+let tokenCame = () => {};
+function onToken(act) {
+  steering.push(act);
+  act();
+}
+function setToken(text) {
+  text ? sessionStorage.setItem(TOKEN, text) : sessionStorage.removeItem(TOKEN);
+  for (const act of steering) act();
+  if (text) tokenCame();
+}
+// A token in the address, also one that is pasted into a page that is open. It goes out of the address, so that it is in no screenshot and no bookmark.
+function takeToken() {
+  const told = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (!told) return;
+  history.replaceState(null, "", location.pathname);
+  setToken(told);
+}
+takeToken();
+addEventListener("hashchange", takeToken);
+// Nothing is asked where nothing is told without a token.
+async function wakened(error) {
+  if (error.status === 401 && !error.with_token && !token()) await new Promise((done) => { tokenCame = done; });
+}
 
 class Refused extends Error {
-  constructor(status, text) {
+  constructor(status, text, with_token) {
     super(text);
-    this.status = status;
+    Object.assign(this, { status, with_token });
   }
 }
+// The program did not answer, or not in time. All other errors are faults of this page.
+class Silent extends Error {}
 
-async function ask(path, body, patience_ms = 8000) {
+// An answer of the program, read as JSON, or by another method of a Response.
+async function ask(path, body, { patience_ms = 8000, as = "json" } = {}) {
   const headers = {};
-  if (token()) headers.authorization = `Bearer ${token()}`;
+  const with_token = token();
+  if (with_token) headers.authorization = `Bearer ${with_token}`;
   if (body) headers["content-type"] = "application/json";
   const options = { headers, signal: AbortSignal.timeout(patience_ms), cache: "no-store" };
   if (body) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
-  const answer = await fetch(`api/${path}`, options);
-  if (!answer.ok) {
-    const said = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
-    throw new Refused(answer.status, said.error);
+  let answer;
+  let said;
+  try {
+    answer = await fetch(`api/${path}`, options);
+    said = answer.ok ? await answer[as]() : await answer.text();
+  } catch (error) {
+    if (error instanceof SyntaxError) throw error;
+    throw new Silent(`${path}: ${error.message}`);
   }
-  return answer;
+  if (answer.ok) return said;
+  let text = `the server answered ${answer.status}`;
+  try { text = JSON.parse(said).error ?? text; } catch { /* another server than ours */ }
+  // A token that this server does not know is of another start: kept, it would be told again and again.
+  if (answer.status === 401 && with_token && with_token === token()) setToken(null);
+  throw new Refused(answer.status, text, Boolean(with_token));
 }
-const get = async (path) => (await ask(path)).json();
+const get = (path) => ask(path);
 const part = encodeURIComponent;
 
 // Runs one at a time, the last wish wins: nothing piles up behind a slow answer.
@@ -47,24 +79,27 @@ function latest(work) {
     wish = { value };
     if (busy) return;
     busy = true;
-    while (wish) {
-      const now = wish.value;
-      wish = undefined;
-      try {
-        await work(now);
-      } catch (error) {
-        complain(error);
+    try {
+      while (wish) {
+        const now = wish.value;
+        wish = undefined;
+        try {
+          await work(now);
+        } catch (error) {
+          complain(error);
+        }
       }
+    } finally {
+      busy = false;
     }
-    busy = false;
   };
 }
 
 // --- what is known ------------------------------------------------------------------------------------------------------
 
 const S = {
-  about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], seen: { events: 0, counts: {} },
-  view: null, off: new Set(), hover: null, since: 0, lag: {},
+  about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], states: {}, listed: 0, reached: -1, seen: { events: 0, counts: {} },
+  cross: null, anew: false, view: null, off: new Set(), hover: null, since: 0, lag: {},
 };
 window.sunglint = S; // for those who look into it with the browser's console, and for tests
 
@@ -74,8 +109,20 @@ function notice(text) {
 }
 function complain(error) {
   if (error instanceof Refused) notice(error.message);
-  else if (error.name === "TypeError" || error.name === "TimeoutError" || error.name === "AbortError") notice("the program that serves this page does not answer");
-  else throw error;
+  else if (error instanceof Silent) notice("the program that serves this page does not answer");
+  else {
+    // A fault of the page is told as such, and the page goes on as well as it can.
+    console.error(error);
+    notice(`this page has a fault: ${error.message}. Load it again; if it stays, tell us what you did`);
+  }
+}
+// What is wrong with what is shown, all of it; it stays.
+function warnings(list) {
+  const box = $("warnings");
+  box.hidden = !list.length;
+  box.open = list.length > 0 && list.length <= 3;
+  box.querySelector("summary").textContent = list.length === 1 ? "1 warning" : `${list.length} warnings`;
+  box.querySelector("ul").replaceChildren(...list.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
 
 const two = (n) => String(n).padStart(2, "0");
@@ -405,7 +452,8 @@ function drawImage() {
   };
   c.lineWidth = 1.5;
   const sensor = S.about.sensor_px ?? f.header.size_px;
-  S.about.fibres.forEach((fibre, i) => {
+  // The station describes one camera: its fibres lie on no other's frames.
+  if (S.camera === S.about.station_camera) S.about.fibres.forEach((fibre, i) => {
     const at = [0, 1].map((k) => ((sensor[k] - 1) / 2 + fibre.offset_px[k] - f.header.origin_px[k]) / f.header.binning[k]);
     const [a, b] = [0, 1].map((k) => fibre.sigma_px[k] / f.header.binning[k]);
     ring(at, a, b, red ? "#802020" : "#5fd0e0", [4, 4]);
@@ -427,6 +475,13 @@ function drawImage() {
     ring(m.place_px, m.aperture_px, m.aperture_px, red ? "#ff6060" : "#ffffff");
     for (const radius of m.annulus_px) ring(m.place_px, radius, radius, red ? "#c03030" : "#ff9060", [6, 4]);
   }
+  if (S.cross && placing()) {
+    const [cx, cy] = [(S.cross[0] - x0) / each, (S.cross[1] - y0) / each];
+    c.strokeStyle = red ? "#ff6060" : "#7fff7f";
+    c.beginPath();
+    for (const [a, b] of [[-1, 0], [1, 0], [0, -1], [0, 1]]) { c.moveTo(cx + 0.3 * em * a, cy + 0.3 * em * b); c.lineTo(cx + em * a, cy + em * b); }
+    c.stroke();
+  }
 }
 
 function frameText() {
@@ -445,6 +500,8 @@ function frameText() {
 
 function measuredText() {
   const m = S.marks;
+  // Marks of a frame that is not shown yet are told with it.
+  if (m && S.frame && m.of !== S.frame.of) return;
   if (!m) { $("measured").textContent = "\u00a0"; return; }
   if (!m.place_px) { $("measured").textContent = "no target found on this frame"; return; }
   const planes = m.planes.map((p) => {
@@ -460,9 +517,18 @@ const loadMarks = latest(async ({ camera, of }) => {
   if (!$("marks").checked) return;
   try {
     const marks = await get(`marks/${part(camera)}/${S.live ? "last" : of}`);
-    S.marks = { ...marks, of };
+    if (camera !== S.camera) return;
+    // A night goes on meanwhile: these may be the marks of the next frame, which is drawn soon.
+    S.marks = { ...marks, of: S.live ? marks.start_s : of };
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
+    if (camera !== S.camera) return;
+    if (error.status === 503) {
+      // Another page's frame is measured.
+      await new Promise((done) => setTimeout(done, 300));
+      if (S.frame && S.live) loadMarks({ camera: S.camera, of: S.frame.of });
+      return;
+    }
     S.marks = null;
     $("measured").textContent = error.message;
     return;
@@ -482,12 +548,15 @@ const loadFrame = latest(async ({ camera, of, again }) => {
     const values = { x: Math.max(0, x0), y: Math.max(0, y0), w: w + 1, h: h + 1 };
     for (const [key, value] of Object.entries(values)) query.set(key, String(Math.floor(value)));
   }
-  const buffer = await (await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`)).arrayBuffer();
+  const buffer = await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`, null, { as: "arrayBuffer" });
+  // Another camera may have been chosen meanwhile.
+  if (camera !== S.camera) return;
   const frame = decode(buffer);
   S.frame = { ...frame, of: S.live ? frame.header.start_s : of, camera };
   develop();
   frameText();
   redraw("image");
+  if (S.marks?.of === S.frame.of) measuredText();
   loadMarks({ camera, of: S.frame.of });
   if (!S.live) later();
 });
@@ -510,9 +579,7 @@ function pixelUnder(event) {
   const { each, x0, y0 } = windowOf(canvas.clientWidth, canvas.clientHeight);
   return [x0 + (event.clientX - box.left) * each, y0 + (event.clientY - box.top) * each];
 }
-function readPixel(event) {
-  if (!S.frame) return;
-  const [fx, fy] = pixelUnder(event);
+function readPixel([fx, fy]) {
   const h = S.frame.header;
   const [column, row] = [Math.floor(fx), Math.floor(fy)];
   const [i, j] = [Math.floor((fx - h.part_px[0]) / h.bin), Math.floor((fy - h.part_px[1]) / h.bin)];
@@ -520,6 +587,36 @@ function readPixel(event) {
   const value = S.frame.pixels[j * h.shape[0] + i];
   const saturated = h.saturation_adu !== null && value >= h.saturation_adu ? ", saturated" : "";
   $("pixel").textContent = `column ${column}, row ${row}: ${value} ADU${h.bin > 1 ? ` (mean of ${h.bin} × ${h.bin})` : ""}${saturated}`;
+}
+
+// What takes the place in the image that a person is asked for; null where none is asked for. It is told by a click, or by a cross that the arrow keys move.
+function placing() {
+  return R.pointing ? pointAt : S.live && M.mode ? mountPlace : null;
+}
+function askPlace(text) {
+  S.cross = null;
+  notice(`${text}; or move the cross there by the arrow keys (shift: by 10) and press Enter`);
+  $("image").focus();
+}
+function crossKey(event) {
+  const take = placing();
+  const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+  if (!take || !S.frame || !(way || event.key === "Enter")) return;
+  event.preventDefault();
+  event.stopPropagation();
+  const size = S.frame.header.size_px;
+  // The light that was found is near to what is meant.
+  const found = S.marks?.of === S.frame.of ? S.marks.place_px : null;
+  S.cross ??= found ? found.map((v) => v + 0.5) : size.map((v) => v / 2);
+  if (way) {
+    S.cross = S.cross.map((v, k) => clamp(v + way[k] * (event.shiftKey ? 10 : 1), 0, size[k] - 1e-6));
+    readPixel(S.cross);
+  } else {
+    const at = S.cross;
+    S.cross = null;
+    take(at);
+  }
+  redraw("image");
 }
 
 // --- counts -------------------------------------------------------------------------------------------------------------
@@ -919,6 +1016,7 @@ const loadSky = latest(async (at) => {
     $("sky-text").textContent = error.message;
     return;
   }
+  S.onSky?.();
   if (S.overlay) { redraw("sky"); await new Promise((done) => setTimeout(done, 50)); return; }
   const target = S.sky.target;
   const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
@@ -942,16 +1040,17 @@ function row(...cells) {
 }
 
 function stateAt(device, t) {
-  let state = "not opened";
-  for (const event of S.events) {
-    if (event.at_s > t) break;
-    if (event.kind === "end") state = "ended";
-    else if (event.device !== device) continue;
-    else if (event.kind === "device" || event.kind === "device_back") state = "running";
-    else if (event.kind === "device_lost") state = "lost";
-    else if (event.kind === "device_failed") state = "given up";
+  const at = (name) => S.states[name]?.findLast(([at_s]) => at_s <= t) ?? [-Infinity, "not opened"];
+  const [own, end] = [at(device), at("")];
+  return end[0] >= own[0] && own[0] > -Infinity ? end[1] : own[1];
+}
+const STATES = { device: "running", device_back: "running", device_lost: "lost", device_failed: "given up" };
+// Changes of each device's state; those of the whole session have no name.
+function noteStates(events) {
+  for (const { kind, device, at_s } of events) {
+    const [name, state] = kind === "end" ? ["", "ended"] : [device, STATES[kind]];
+    if (state) (S.states[name] ??= []).push([at_s, state]);
   }
-  return state;
 }
 
 function devices() {
@@ -1013,18 +1112,41 @@ function eventItem(event) {
   li.append(time, text);
   return li;
 }
+// Events of a running night, the last one first.
 function addEvents(events) {
+  if (!events.length) return;
   S.events.push(...events);
-  if (S.live && S.events.length > 2000) S.events.splice(0, S.events.length - 2000);
+  if (S.events.length > SHOWN) S.events.splice(0, S.events.length - SHOWN);
   const list = $("events");
-  if (S.live) list.prepend(...events.map(eventItem).reverse());
-  else list.append(...events.slice(-SHOWN).map(eventItem));
-  while (list.children.length > SHOWN) (S.live ? list.lastChild : list.firstChild).remove();
+  list.prepend(...events.map(eventItem).reverse());
+  while (list.children.length > SHOWN) list.lastChild.remove();
+  const first = S.events[0].number;
+  $("events-more").textContent = first > 1 ? `the ${first - 1} events before these are in the session's log` : "";
+}
+// Events of a recorded session about a time: of a long log as many as can be scrolled.
+function listEvents(from) {
+  S.listed = from;
+  const more = (text, to) => {
+    const li = document.createElement("li");
+    li.className = "more";
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+    button.addEventListener("click", () => { listEvents(to); markEvents(S.t); });
+    li.append(button);
+    return li;
+  };
+  const items = S.events.slice(from, from + SHOWN).map(eventItem);
+  const after = S.events.length - from - items.length;
+  if (from) items.unshift(more(`show earlier ones: ${from}`, Math.max(0, from - SHOWN / 2)));
+  if (after) items.push(more(`show later ones: ${after}`, Math.min(S.events.length - SHOWN, from + SHOWN / 2)));
+  $("events").replaceChildren(...items);
 }
 function markEvents(t) {
-  const list = $("events").children;
-  const first = S.events.length - list.length;
-  for (let i = 0; i < list.length; i++) list[i].classList.toggle("later", S.events[first + i].at_s > t);
+  let [low, high] = [0, S.events.length];
+  while (low < high) { const middle = (low + high) >> 1; S.events[middle].at_s <= t ? (low = middle + 1) : (high = middle); }
+  // The list follows the time, unless a person looks elsewhere in it.
+  if (low !== S.reached && (low <= S.listed || low > S.listed + SHOWN)) listEvents(clamp(low - SHOWN / 2, 0, Math.max(0, S.events.length - SHOWN)));
+  S.reached = low;
+  [...$("events").querySelectorAll("li:not(.more)")].forEach((li, i) => li.classList.toggle("later", S.events[S.listed + i].at_s > t));
 }
 
 function present(t) {
@@ -1109,10 +1231,14 @@ function drawStrip() {
 
 async function chooseCamera(name) {
   S.camera = name;
-  S.frame = S.marks = S.film = null;
+  S.frame = S.marks = S.film = S.cross = null;
+  redraw("image");
   if (!name) return;
   if (!S.live) {
-    S.film = await get(`frames/${part(name)}`);
+    const film = await get(`frames/${part(name)}`);
+    // Another one may have been chosen meanwhile.
+    if (S.camera !== name) return;
+    S.film = film;
     // Before the first frame there is none: show the first.
     const index = Math.max(0, frameAt(S.t));
     if (S.film.start_s.length) loadFrame({ camera: name, of: index });
@@ -1139,7 +1265,7 @@ async function about() {
   options($("camera"), names("camera"));
   options($("counter"), names("counter"));
   visits();
-  notice(S.about.warnings.slice(0, 3).join(" · "));
+  warnings(S.about.warnings);
   unitShown();
   get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
   if (S.about.mode === "recorded" || S.about.mode === "live") get("predicted").then((curves) => { S.predicted = curves; $("predicted-label").hidden = !curves.length; redraw("counts"); }, () => {});
@@ -1151,12 +1277,21 @@ async function recorded({ camera, counter }) {
   $("film").hidden = false;
   $("span").value = "visit";
   $("slider").max = String(S.about.length_s);
-  const { events } = await get("events");
-  addEvents(events);
+  for (let more = true; more;) {
+    const answer = await get(`events?after=${S.events.at(-1)?.number ?? 0}`);
+    S.events.push(...answer.events);
+    noteStates(answer.events);
+    more = answer.more;
+  }
+  // In the order of time, also where a clock stepped back.
+  S.events.sort((a, b) => a.at_s - b.at_s);
+  listEvents(0);
   await chooseCamera(camera);
   chooseCounter(counter);
-  $("clip").hidden = !token() || !camera;
-  showRework();
+  onToken(() => {
+    $("clip").hidden = !token() || !camera;
+    showRework();
+  });
   const first = S.about.visits.find((v) => v.kind === "star" || v.kind === "satellite");
   seek(first ? Math.min(first.from_s + 1, first.to_s) : 0);
   devices();
@@ -1166,7 +1301,7 @@ async function recorded({ camera, counter }) {
 
 // --- reduction by hand --------------------------------------------------------------------------------------------------
 
-const R = { on: false, visit: null, places: [], refused: new Map(), old: null, now: null, range: null, pointing: false, drag: null };
+const R = { on: false, visit: null, places: [], refused: new Map(), old: null, now: null, range: null, pointing: false, drag: null, mark: null };
 window.sunglint.rework = R;
 
 const choices = () => [...document.querySelectorAll(".choices [data-key]")];
@@ -1201,10 +1336,10 @@ function recipe() {
 }
 
 // A reduction may take minutes: it can be ended.
-async function reduction(wanted) {
+async function reduction(wanted, path = "reduction", as = "json") {
   const shown = setTimeout(() => { $("rework-cancel").hidden = false; }, 500);
   try {
-    return await (await ask("reduction", wanted, 3600000)).json();
+    return await ask(path, wanted, { patience_ms: 3600000, as });
   } finally {
     clearTimeout(shown);
     $("rework-cancel").hidden = true;
@@ -1315,10 +1450,26 @@ function refuse() {
   redraw("curve");
 }
 
-function pointAt(event) {
+// A stretch of the curve by a key: it begins at the frame that is shown, and ends at the one that is shown at the second press.
+function markStretch() {
+  if (presentFrame() === null) { notice("this frame is not of the visit that is reduced"); return; }
+  const { start_s, exposure_s } = S.frame.header;
+  if (R.mark) {
+    R.range = [Math.min(R.mark[0], start_s), Math.max(R.mark[1], start_s + exposure_s)];
+    R.mark = null;
+    notice("");
+  } else {
+    [R.mark, R.range] = [[start_s, start_s + exposure_s], null];
+    notice("a stretch begins at this frame: go to its last frame, then press m again");
+  }
+  byHandText();
+  redraw("curve");
+}
+
+function pointAt(at) {
   const frame = presentFrame();
   if (frame === null) { notice("this frame is not of the visit that is reduced"); return; }
-  const place = pixelUnder(event).map((v) => Math.round((v - 0.5) * 100) / 100);
+  const place = at.map((v) => Math.round((v - 0.5) * 100) / 100);
   R.places = R.places.filter((p) => p.frame !== frame || p.camera !== S.camera);
   R.places.push({ camera: S.camera, frame, place_px: place });
   R.places.sort((a, b) => a.frame - b.frame);
@@ -1326,10 +1477,13 @@ function pointAt(event) {
   reduceSoon();
 }
 function pointing(on) {
+  if (on === R.pointing) return;
   R.pointing = on;
   $("point").setAttribute("aria-pressed", String(on));
-  if (on) notice("click on the target in the image");
-  else if ($("notice").textContent === "click on the target in the image") notice("");
+  const text = "click on the target in the image";
+  if (on) askPlace(text);
+  else if ($("notice").textContent.startsWith(text)) notice("");
+  redraw("image");
 }
 
 async function beginRework() {
@@ -1337,7 +1491,7 @@ async function beginRework() {
   if (!visit) return;
   clearTimeout(reducing);
   $("rework-body").hidden = true;
-  Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null });
+  Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null, mark: null });
   for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
   pointing(false);
   if (S.t < visit.from_s || S.t >= visit.to_s) seek(Math.min(visit.from_s + 1, visit.to_s));
@@ -1371,7 +1525,7 @@ async function saveRecipe(event) {
   const replace = saveRecipe.again === name;
   saveRecipe.again = "";
   try {
-    const saved = await (await ask("recipes", { name, recipe: wanted, replace })).json();
+    const saved = await ask("recipes", { name, recipe: wanted, replace });
     $("saved-text").textContent = `saved as ${saved.file}; the same curve again: ${saved.repeat}`;
     recipes();
   } catch (error) {
@@ -1410,7 +1564,7 @@ async function curveFile() {
   const wanted = recipe();
   if (!wanted) return;
   try {
-    download(await (await ask("reduction.ecsv", wanted, 120000)).blob(), `${$("recipe-name").value.trim() || "curve"}.ecsv`);
+    download(await reduction(wanted, "reduction.ecsv", "blob"), `${$("recipe-name").value.trim() || "curve"}.ecsv`);
   } catch (error) { complain(error); }
 }
 
@@ -1493,7 +1647,7 @@ function drawCurve() {
     const px = x(S.film.start_s[i] + half);
     c.beginPath(); c.moveTo(px - 3, box.b - 9); c.lineTo(px + 3, box.b - 3); c.moveTo(px + 3, box.b - 9); c.lineTo(px - 3, box.b - 3); c.stroke();
   });
-  const chosen = R.drag ?? R.range;
+  const chosen = R.drag ?? R.range ?? (R.mark && [Math.min(R.mark[0], S.t), Math.max(R.mark[1], S.t)]);
   if (chosen) {
     c.globalAlpha = 0.2;
     c.fillStyle = css("--accent");
@@ -1510,7 +1664,7 @@ function drawCurve() {
 function reworkedPlace() {
   const curve = R.now;
   const f = S.frame;
-  if (!R.on || !curve || !f) return null;
+  if (!R.on || !curve || !f || S.camera !== S.about.station_camera) return null;
   const { start_s, exposure_s, origin_px, binning } = f.header;
   const i = curve.track_s.findIndex((t) => t >= start_s && t <= start_s + exposure_s);
   const sensor = S.about.sensor_px;
@@ -1527,7 +1681,7 @@ function wireRework() {
   $("refuse").addEventListener("click", refuse);
   $("usual").addEventListener("click", () => {
     for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
-    Object.assign(R, { places: [], refused: new Map(), range: null });
+    Object.assign(R, { places: [], refused: new Map(), range: null, mark: null });
     reduceSoon();
   });
   $("save-form").addEventListener("submit", (event) => saveRecipe(event).catch(complain));
@@ -1590,7 +1744,7 @@ async function saveClip(event) {
   if (!clip) { clipText(); return; }
   $("clip-text").textContent = "the clip is being made";
   try {
-    const blob = await (await ask("clip", clip.wish, 600000)).blob();
+    const blob = await ask("clip", clip.wish, { patience_ms: 600000, as: "blob" });
     S.saved = { name: "clip.png", blob };
     download(blob, `${fileName(S.about.name)}-${clip.wish.from}-${clip.wish.to}.png`);
     $("clip-text").textContent = `${clip.frames} frames, ${(blob.size * 1e-6).toFixed(2)} MB`;
@@ -1619,13 +1773,8 @@ const KEEP = 6000;
 function take(view) {
   const again = S.live && S.live.run !== view.run;
   S.live = view;
-  if (again) {
-    S.seen = { events: 0, counts: {} };
-    S.counts = {};
-    S.events = [];
-    $("events").replaceChildren();
-    throw "again";
-  }
+  S.anew ||= again;
+  if (S.anew) return;
   addEvents(view.events);
   if (view.events.length) S.seen.events = view.events[view.events.length - 1].number;
   let missed = view.events_missed;
@@ -1650,6 +1799,22 @@ function take(view) {
   if (view.events.some((e) => e.kind === "target" || e.kind === "control")) schedule();
 }
 
+// The program was started again: this is another night, of which nothing is known yet.
+async function newNight() {
+  const away = S.since ? `, ${span((Date.now() - S.since) / 1000)} after this page last heard of the other one` : "";
+  Object.assign(S, { seen: { events: 0, counts: {} }, counts: {}, events: [], sky: null, tracks: [], lag: {}, view: null });
+  M.trail = [];
+  mountMode(null);
+  $("events").replaceChildren();
+  $("events-more").textContent = "";
+  const chosen = await about();
+  await chooseCamera(chosen.camera);
+  chooseCounter(chosen.counter);
+  S.since = Date.now();
+  S.anew = false;
+  notice(`the program was started again${away}: this is the new night${token() ? "" : ". To steer it, open the address that its start printed"}`);
+}
+
 const schedule = latest(async () => {
   const { visits: list } = await get("about");
   S.about.visits = list;
@@ -1657,26 +1822,61 @@ const schedule = latest(async () => {
   S.tracks = await get("tracks");
 });
 
-let ringing = "";
-function alarms(view) {
+// Alarms: of each kind and device when it was last there, and those that were told, the last ones.
+const A = { seen: new Map(), told: [], full: false, silent: false, audio: null, beeps: 0 };
+window.sunglint.alarms = A;
+// An alarm that was away for less than this is the same one: a device that comes and goes rings once, ms.
+const SAME = 60000;
+// Each with what it is, which stays, and its text, whose numbers change.
+function alarmsOf(view) {
   const all = [];
-  for (const [name, device] of Object.entries(view.devices)) if (device.error) all.push(`${name} ${device.state === "failed" ? "was given up" : "is lost"}: ${device.error}`);
-  if (view.disk_error) all.push(view.disk_error);
-  if (view.not_written) all.push(`${view.not_written} rows or frames are not written`);
-  if (view.bytes_per_s && view.free_bytes / view.bytes_per_s < 3600) all.push(`the disk is full in ${span(view.free_bytes / view.bytes_per_s)}`);
-  const text = all.join(" · ");
-  $("alarm").textContent = text;
+  for (const [name, device] of Object.entries(view?.devices ?? {})) if (device.error) all.push([`${device.state} ${name}`, `${name} ${device.state === "failed" ? "was given up" : "is lost"}: ${device.error}`]);
+  if (view?.disk_error) all.push(["disk", view.disk_error]);
+  if (view?.not_written) all.push(["not written", `${view.not_written} rows or frames are not written`]);
+  const left_s = view?.bytes_per_s ? view.free_bytes / view.bytes_per_s : Infinity;
+  // Once told it stays until there is clearly more room.
+  A.full = left_s < (A.full ? 4500 : 3600);
+  if (A.full) all.push(["full", `the disk is full in ${span(left_s)}`]);
+  if (A.silent) all.push(["silent", `the program has not answered since ${new Date(S.since).toISOString().slice(11, 19)} UTC: look after it`]);
+  return all;
+}
+function alarms() {
+  const all = alarmsOf(S.live);
+  const now = Date.now();
+  const fresh = all.filter(([key]) => !(now - A.seen.get(key) < SAME));
+  for (const [key] of all) A.seen.set(key, now);
+  const text = all.map(([, said]) => said).join(" · ");
+  if ($("alarm").textContent !== text) $("alarm").textContent = text;
   $("alarm").hidden = !text;
-  if (text && text !== ringing && $("sound").checked) beep();
-  ringing = text;
+  if (!all.length) $("alarm-said").textContent = "";
+  if (!fresh.length) return;
+  // What is read aloud is what is new, once.
+  $("alarm-said").textContent = fresh.map(([, said]) => said).join(" · ");
+  A.told.push(...fresh.map(([key]) => key));
+  A.told.splice(0, A.told.length - 100);
+  if ($("sound").checked) beep();
 }
 function beep() {
-  const audio = new AudioContext();
-  const tone = audio.createOscillator();
+  A.beeps++;
+  A.audio ??= new AudioContext();
+  // A page that nobody has touched may not sound yet.
+  A.audio.resume();
+  const tone = A.audio.createOscillator();
   tone.frequency.value = 880;
-  tone.connect(audio.destination);
+  tone.connect(A.audio.destination);
   tone.start();
-  tone.stop(audio.currentTime + 0.4);
+  tone.stop(A.audio.currentTime + 0.4);
+}
+function wireSound() {
+  $("sound").checked = localStorage.getItem("sunglint-sound") === "yes";
+  $("sound").addEventListener("change", () => {
+    localStorage.setItem("sunglint-sound", $("sound").checked ? "yes" : "no");
+    // So that it is heard what an alarm is like, and the browser lets it sound later.
+    if ($("sound").checked) beep();
+  });
+  // After the page was loaded again the browser waits for a touch.
+  const touched = () => { if ($("sound").checked) { A.audio ??= new AudioContext(); A.audio.resume(); } };
+  for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, touched, { once: true });
 }
 
 function showLive(view) {
@@ -1685,7 +1885,7 @@ function showLive(view) {
   present(view.now_s);
   devices();
   markVisits(view.now_s);
-  alarms(view);
+  alarms();
   const free = view.free_bytes === null ? "" : `disk: ${(view.free_bytes * 1e-9).toFixed(1)} GB free`;
   const fills = view.bytes_per_s ? `, full in ${span(view.free_bytes / view.bytes_per_s)} at this rate` : "";
   $("disk").textContent = free + fills;
@@ -1703,20 +1903,24 @@ function showLive(view) {
 }
 
 async function live() {
-  $("steer").hidden = !token();
-  $("note-form").hidden = !token();
-  $("expose-form").hidden = !token() || !S.camera;
+  onToken(() => {
+    $("steer").hidden = !token();
+    $("note-form").hidden = !token();
+    $("expose-form").hidden = !token() || !S.camera;
+    if (!token()) mountMode(null);
+  });
   $("sound-label").hidden = false;
   document.body.classList.add("live");
   $("span").value = "60";
-  let failed = 0;
+  S.since = Date.now();
+  let [failed, failing] = [0, 0];
   for (;;) {
     const begun = performance.now();
     try {
       const query = new URLSearchParams({ events: String(S.seen.events) });
       for (const [name, number] of Object.entries(S.seen.counts)) query.set(`c.${name}`, String(number));
       const view = await get(`live?${query}`);
-      if (failed) { failed = 0; notice(""); }
+      if (failed) { failed = 0; A.silent = false; notice(""); }
       if (S.live?.waiting && !view.waiting && !view.ended && S.live.run === view.run) {
         // What was shown was the plan; now it is the night, which begins at another time.
         const chosen = await about();
@@ -1724,25 +1928,32 @@ async function live() {
         await chooseCamera(chosen.camera);
         chooseCounter(chosen.counter);
       }
-      try {
-        take(view);
-      } catch (again) {
-        if (again !== "again") throw again;
-        const chosen = await about();
-        notice("the program was started again: this is the new night");
-        await chooseCamera(chosen.camera);
-        chooseCounter(chosen.counter);
+      take(view);
+      if (S.anew) {
+        await newNight();
         continue;
       }
       showLive(view);
       root.dataset.ready = "yes";
       if (view.ended) failed = 0;
     } catch (error) {
-      failed++;
+      // The token was of another start: without it this page goes on and shows what it may.
+      if (error.status === 401) {
+        $("mode").textContent = "no token";
+        $("mode").className = "badge bad";
+        complain(error);
+        await wakened(error);
+        continue;
+      }
+      if (!failed++) failing = performance.now();
       $("mode").textContent = S.live?.ended ? `ended: ${S.live.ended}` : "no connection";
       $("mode").className = "badge bad";
       // An ended night's program is gone: nothing is wrong.
-      if (!S.live?.ended) complain(error);
+      if (!S.live?.ended) {
+        complain(error);
+        A.silent ||= error instanceof Silent && performance.now() - failing > 3000;
+        alarms();
+      }
     }
     const pause = failed ? Math.min(1000, 200 * failed) : document.hidden ? 1000 : 100;
     await new Promise((done) => setTimeout(done, Math.max(0, pause - (performance.now() - begun))));
@@ -1751,7 +1962,7 @@ async function live() {
 
 async function steer(action, text = "", more = {}) {
   try {
-    const { done } = await (await ask("control", { action, text, ...more })).json();
+    const { done } = await ask("control", { action, text, ...more });
     notice(done);
     return true;
   } catch (error) {
@@ -1769,22 +1980,22 @@ function mountOf(view) {
   return Object.entries(view?.devices ?? {}).find(([, device]) => device.mount);
 }
 function mountMode(mode) {
+  if (mode === M.mode) return;
   M.mode = mode;
   $("mount-lock").setAttribute("aria-pressed", String(mode === "lock"));
   $("mount-keep").setAttribute("aria-pressed", String(mode === "keep"));
-  if (mode === "lock") notice("click the target in the image: the mount follows this light from then on");
-  if (mode === "keep") notice("click the place in the image at which targets are to be kept");
+  if (mode === "lock") askPlace("click the target in the image: the mount follows this light from then on");
+  if (mode === "keep") askPlace("click the place in the image at which targets are to be kept");
+  redraw("image");
 }
-M.click = (event) => {
-  if (!M.mode) return;
+function mountPlace([x, y]) {
   const h = S.frame.header;
-  const [x, y] = pixelUnder(event);
   const place_px = [x - 0.5, y - 0.5];
   if (place_px.some((v, k) => v < -0.5 || v > h.size_px[k] - 0.5)) { notice("that place lies outside of the frame"); return; }
   const action = M.mode;
   mountMode(null);
   steer(action, "", { camera: S.camera, start_s: h.start_s, place_px });
-};
+}
 
 function showMount(view) {
   const [name, device] = mountOf(view) ?? [];
@@ -1878,9 +2089,10 @@ function wire() {
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));
-  $("image").addEventListener("click", (event) => { if (!S.frame) return; if (R.pointing) pointAt(event); else if (S.live) M.click(event); });
+  $("image").addEventListener("click", (event) => { if (S.frame) placing()?.(pixelUnder(event)); });
+  $("image").addEventListener("keydown", crossKey);
   wireRework();
-  $("image").addEventListener("pointermove", readPixel);
+  $("image").addEventListener("pointermove", (event) => { if (S.frame) readPixel(pixelUnder(event)); });
   $("image").addEventListener("pointerleave", () => { $("pixel").textContent = "\u00a0"; });
   $("image").addEventListener("dblclick", (event) => S.frame && zoom(2, pixelUnder(event)));
   $("image").addEventListener("wheel", (event) => { if (S.frame && event.ctrlKey) { event.preventDefault(); zoom(event.deltaY < 0 ? 1.25 : 0.8, pixelUnder(event)); } }, { passive: false });
@@ -1907,6 +2119,7 @@ function wire() {
   $("skip").addEventListener("click", () => steer("skip"));
   $("repeat").addEventListener("click", () => steer("repeat"));
   wireMount();
+  wireSound();
   $("start").addEventListener("click", () => steer("start"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
@@ -1930,7 +2143,7 @@ function wire() {
     if (event.target.matches("input[type=text], select")) return;
     const film = S.about.mode === "recorded";
     const onSlider = event.target === $("slider");
-    const onButton = event.target.matches("button, input[type=checkbox]");
+    const onButton = event.target.matches("button, input[type=checkbox], summary");
     const visitStart = (by) => {
       const list = S.about.visits;
       const next = by > 0 ? list.find((v) => v.from_s > S.t + 0.01) : list.findLast((v) => v.from_s < S.t - 1);
@@ -1946,10 +2159,11 @@ function wire() {
       "]": film && (() => visitStart(1)),
       "+": () => zoom(2), "-": () => zoom(0.5), 0: () => zoom(0),
       x: film && R.on && refuse,
+      m: film && R.on && markStretch,
       s: () => { $("stretch").selectedIndex = ($("stretch").selectedIndex + 1) % 3; $("stretch").dispatchEvent(new Event("change")); },
       r: () => { const now = $("theme").value; $("theme").value = now === "red" ? (wire.before ?? "auto") : "red"; if (now !== "red") wire.before = now; $("theme").dispatchEvent(new Event("change")); },
       "?": help,
-      Escape: M.mode && (() => { mountMode(null); notice(""); }),
+      Escape: (placing() || R.mark) && (() => { pointing(false); mountMode(null); R.mark = null; notice(""); redraw("curve"); }),
     }[event.key];
     if (!act) return;
     event.preventDefault();
@@ -1979,10 +2193,11 @@ async function begin() {
       // The night has not begun, or the program is not there yet.
       $("mode").textContent = error.status === 401 ? "no token" : "waiting";
       complain(error);
+      await wakened(error);
       await new Promise((done) => setTimeout(done, 1000));
     }
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc };
+export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, onToken, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc, wakened, warnings };
 begin();
