@@ -14,7 +14,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use sunglint_formats::session::{
-    CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit, What,
+    ClockState, CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit,
+    What,
 };
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, FileError, Frame};
@@ -102,6 +103,8 @@ pub struct About {
     pub station_camera: Option<String>,
     /// Size of the camera's sensor, px.
     pub sensor_px: Option<[u32; 2]>,
+    /// How far the computer's clock was from UTC at the start.
+    pub clock: Option<ClockState>,
     /// Names of the bits of the counts' flags.
     pub flag_names: Vec<(u32, String)>,
     /// Least distance of the mount from the Sun, deg; `None` without a mount.
@@ -413,6 +416,7 @@ impl Recording {
             fibres: station.map(fibres).unwrap_or_default(),
             station_camera: self.session.cameras().next().map(str::to_owned),
             sensor_px: station.and_then(|s| s.camera.as_ref()).map(|camera| camera.size_px),
+            clock: Some(manifest.clock.clone()),
             flag_names: flag_names(),
             sun_limit_deg: None,
             warnings: self.warnings.clone(),
@@ -451,7 +455,7 @@ impl Recording {
         let film = self.film(camera).ok_or_else(Answer::missing)?;
         let frame = self.read(film, index.parse().map_err(|_| Answer::missing())?)?;
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
-        marks(&frame, station, self.start)
+        marks(&frame, station, self.start).map(|marks| Answer::json(&marks))
     }
 
     fn counts(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {

@@ -19,7 +19,9 @@ function onToken(act) {
 function setToken(text) {
   text ? sessionStorage.setItem(TOKEN, text) : sessionStorage.removeItem(TOKEN);
   for (const act of steering) act();
-  if (text) tokenCame();
+  if (!text) return;
+  notice("");
+  tokenCame();
 }
 // A token in the address, also one that is pasted into a page that is open. It goes out of the address, so that it is in no screenshot and no bookmark.
 function takeToken() {
@@ -99,7 +101,7 @@ function latest(work) {
 
 const S = {
   about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], states: {}, listed: 0, reached: -1, seen: { events: 0, counts: {} },
-  cross: null, anew: false, view: null, off: new Set(), hover: null, since: 0, lag: {},
+  history: {}, looks: null, wideAt: 0, cross: null, anew: false, view: null, off: new Set(), hover: null, since: 0, lag: {},
 };
 window.sunglint = S; // for those who look into it with the browser's console, and for tests
 
@@ -624,7 +626,7 @@ function crossKey(event) {
 function range() {
   const wanted = $("span").value;
   const now = S.live ? S.live.now_s : S.t;
-  if (wanted === "all") return S.live ? [Math.max(0, now - 600), now] : [0, S.about.length_s];
+  if (wanted === "all") return S.live ? [Math.min(now - 60, S.history[S.counter]?.start_s[0] ?? S.counts[S.counter]?.start_s[0] ?? now), now] : [0, S.about.length_s];
   if (wanted === "visit") {
     const visit = S.live ? S.live.target && { from_s: S.live.target.from_s, to_s: Math.min(now, S.live.target.to_s ?? now) } : visitAt(now);
     if (visit) return [visit.from_s, Math.max(visit.to_s, visit.from_s + 1)];
@@ -655,6 +657,48 @@ function countsNow() {
   return S.live ? S.counts[S.counter] : S.shown;
 }
 
+// The whole night in points of some seconds, with the lowest and the highest rate in each: what is older than the points of a tenth of a second.
+const loadHistory = latest(async (counter) => {
+  const run = S.live.run;
+  const have = S.history[counter];
+  // The last point grows: it is asked for again.
+  const { corrected_hz, ...new_ } = await get(`history/${part(counter)}?from=${have?.last ?? 0}`);
+  if (S.live?.run !== run) return;
+  const lists = (view) => [view.start_s, view.length_s, view.flags, ...view.rate_hz, ...view.low_hz, ...view.high_hz, ...view.corrected_hz];
+  const next = { ...new_, corrected_hz, at: performance.now() };
+  if (have) {
+    const [old, come] = [lists(have), lists(next)];
+    old.forEach((list, i) => { list.pop(); for (const value of come[i]) list.push(value); });
+    // As many as the program keeps.
+    const over = have.start_s.length - 17280;
+    if (over > 0) for (const list of old) list.splice(0, over);
+    Object.assign(have, { last: next.last, at: next.at });
+  } else S.history[counter] = next;
+  redraw("counts");
+});
+
+// Counts of a running night from a time on: the small points, and before them the large ones.
+function liveCounts(from) {
+  const fine = S.counts[S.counter];
+  if (!fine?.start_s.length || from >= fine.start_s[0] - 1) return fine;
+  const old = S.history[S.counter];
+  if (!(old && performance.now() - old.at < 5000)) loadHistory(S.counter);
+  if (!old) return fine;
+  const first = old.start_s.findIndex((t, i) => t + old.length_s[i] >= from);
+  const after = old.start_s.findIndex((t) => t >= fine.start_s[0]);
+  const cut = (list) => (first < 0 ? [] : list.slice(first, after < 0 ? undefined : after));
+  const join = (a, b) => cut(a).concat(b);
+  const all = (a, b) => b.map((list, k) => join(a[k], list));
+  const coarse = cut(old.start_s).length;
+  // The sky of so long ago is not known any more: no magnitudes.
+  const none = fine.channels.map(() => new Array(old.start_s.length).fill(null));
+  return {
+    channels: fine.channels, bins: 1, coarse, start_s: join(old.start_s, fine.start_s), length_s: join(old.length_s, fine.length_s), flags: join(old.flags, fine.flags),
+    rate_hz: all(old.rate_hz, fine.rate_hz), low_hz: all(old.low_hz, fine.rate_hz), high_hz: all(old.high_hz, fine.rate_hz), corrected_hz: all(old.corrected_hz, fine.corrected_hz),
+    magnitudes: { magnitude: all(none, fine.magnitudes.magnitude), sigma_mag: all(none, fine.magnitudes.sigma_mag) },
+  };
+}
+
 function ticks(low, high, most) {
   const raw = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -682,8 +726,9 @@ function timeTicks(low, high, most) {
 
 function drawCounts() {
   const { c, w, h, em } = fit($("counts"));
-  const data = countsNow();
   const [from, to] = range();
+  const data = S.live ? liveCounts(from) : S.shown;
+  S.wideAt = data?.coarse ? performance.now() : 0;
   const box = { l: 4.2 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
   const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
   c.fillStyle = css("--soft");
@@ -723,7 +768,7 @@ function drawCounts() {
   const mags = magnitudesOf(data);
   const rates = mags ? mags.magnitude : corrected ? data.corrected_hz : data.rate_hz;
   // The lowest and the highest bin are counted rates.
-  const banded = data.bins > 1 && !corrected && !mags;
+  const banded = (data.bins > 1 || data.coarse > 0) && !corrected && !mags;
   const [highs, lows] = banded ? [data.high_hz, data.low_hz] : [rates, rates];
   let [least, most] = [Infinity, -Infinity];
   for (const k of on) for (const i of inside) { if (lows[k][i] !== null) least = Math.min(least, lows[k][i]); if (highs[k][i] !== null) most = Math.max(most, highs[k][i]); }
@@ -885,7 +930,7 @@ function readCounts(data, inside, faults) {
   const rate = (k) => (shown(k) === null ? "saturated or not known" : hertz(shown(k)));
   const rates = data.channels.map((name, k) => `${name} ${mags ? magnitude(k) : rate(k)}`).join(" · ");
   const flags = flagNames(data.flags[best]).filter((name) => name !== "clock free");
-  const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : "";
+  const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : best < data.coarse ? ` · mean of ${data.length_s[best].toFixed(1)} s` : "";
   $("counts-text").textContent = `${utc(data.start_s[best], 1)} UTC · ${rates}${bins}${flags.length ? ` · ${flags.join(", ")}` : ""}`;
   $("counts").setAttribute("aria-label", `counts of ${S.counter}: ${rates}; ${faults} points with faults in view`);
 }
@@ -933,7 +978,12 @@ function drawSky() {
   c.beginPath(); c.arc(cx, cy, radius, 0, 7); c.fill();
   c.strokeStyle = css("--line");
   for (const altitude of [0, 30, 60]) { c.beginPath(); c.arc(cx, cy, (radius * (90 - altitude)) / 90, 0, 7); c.stroke(); }
-  c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.moveTo(cx - radius, cy); c.lineTo(cx + radius, cy); c.stroke();
+  c.beginPath(); c.moveTo(cx - radius, cy); c.lineTo(cx + radius, cy); c.stroke();
+  // The meridian, at which mounts turn over.
+  c.strokeStyle = css("--soft");
+  c.setLineDash([9, 3, 2, 3]);
+  c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.stroke();
+  c.setLineDash([]);
   c.fillStyle = css("--soft");
   c.textAlign = "center"; c.textBaseline = "middle";
   for (const [name, azimuth] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) c.fillText(name, ...place([azimuth, -90 * (0.75 * em) / radius]));
@@ -978,6 +1028,8 @@ function drawSky() {
       /^(Sun|Moon)/.test(bodies[i][0]) ? c.stroke() : c.fill();
     });
     c.lineWidth = 1;
+    // About the Moon no star is taken.
+    if (sky.moon_deg[1] > 0) around(c, place, sky.moon_deg, sky.moon_limit_deg);
     for (const [name, at, r] of bodies) label(name, ...place(at), r + 0.2 * em);
     c.fillStyle = css("--star");
     for (const star of sky.stars) if (star.name && star.v_mag < 1.3) label(star.name, ...place(star.at_deg), 0.4 * em);
@@ -987,11 +1039,18 @@ function drawSky() {
     const last = track.at_s[track.at_s.length - 1];
     const present = track.at_s[0] <= now && now <= last;
     c.strokeStyle = present ? css("--accent") : css("--soft");
-    c.lineWidth = present ? 2.5 : 1;
-    c.beginPath();
-    let before = false;
-    track.at_deg.forEach((at) => { if (at[1] > 0) { before ? c.lineTo(...place(at)) : c.moveTo(...place(at)); before = true; } else before = false; });
-    c.stroke();
+    // A satellite in the Earth's shadow is dotted; a ring stands where the shadow begins or ends.
+    for (let i = 1; i < track.at_deg.length; i++) {
+      const [a, b] = [track.at_deg[i - 1], track.at_deg[i]];
+      if (a[1] <= 0 || b[1] <= 0) continue;
+      const dark = track.lit.length > 0 && !(track.lit[i] && track.lit[i - 1]);
+      c.lineWidth = dark ? 1 : present ? 2.5 : 1;
+      c.setLineDash(dark ? [2, 4] : []);
+      c.beginPath(); c.moveTo(...place(a)); c.lineTo(...place(b)); c.stroke();
+      c.setLineDash([]);
+      if (dark && track.lit[i] !== track.lit[i - 1]) { c.lineWidth = 1.5; c.beginPath(); c.arc(...place(b), 0.3 * em, 0, 7); c.stroke(); }
+    }
+    if (track.lit.length) minuteTicks(c, place, em, track, present || now < last);
   }
   c.lineWidth = 1;
   S.overlay?.({ c, place, em });
@@ -1005,6 +1064,57 @@ function drawSky() {
     c.fillStyle = css("--ink");
     c.fillText(sky.target[0], ...nameAt);
   }
+}
+
+// Dots of a track at each minute, further apart where they would touch; with their times where there is room.
+function minuteTicks(c, place, em, track, told) {
+  const first = track.at_s[0];
+  const last = track.at_s[track.at_s.length - 1];
+  const where = (t) => {
+    const i = track.at_s.findIndex((s) => s >= t);
+    if (i <= 0) return null;
+    const part = (t - track.at_s[i - 1]) / (track.at_s[i] - track.at_s[i - 1]);
+    const [a, b] = [track.at_deg[i - 1], track.at_deg[i]];
+    const turn = ((b[0] - a[0] + 540) % 360) - 180;
+    return [a[0] + part * turn, a[1] + part * (b[1] - a[1])];
+  };
+  const way = track.at_deg.reduce((sum, at, i) => { if (!i) return 0; const [a, b] = [place(track.at_deg[i - 1]), place(at)]; return sum + Math.hypot(a[0] - b[0], a[1] - b[1]); }, 0);
+  const each = [60, 300, 600, 1800, 3600].find((s) => (way * s) / (last - first) > 6) ?? 7200;
+  const phase = S.about.start_unix_ms / 1000;
+  c.fillStyle = css("--ink");
+  let before = null;
+  for (let t = Math.ceil((first + phase) / each) * each - phase; t < last; t += each) {
+    const at = where(t);
+    if (!at || at[1] <= 0) continue;
+    const [x, y] = place(at);
+    c.beginPath(); c.arc(x, y, 1.8, 0, 7); c.fill();
+    if (!told || (before && Math.abs(before[0] - x) < 3 * em && Math.abs(before[1] - y) < em)) continue;
+    before = [x, y];
+    c.fillText(utc(t, 0).slice(0, 5), x + 0.4 * em, y - 0.5 * em);
+  }
+}
+
+// A dashed circle on the sky about a place, as far as it is above the horizon.
+function around(c, place, [azimuth, altitude], radius) {
+  const rad = Math.PI / 180;
+  const vector = ([a, h]) => [Math.cos(h * rad) * Math.sin(a * rad), Math.cos(h * rad) * Math.cos(a * rad), Math.sin(h * rad)];
+  const s = vector([azimuth, altitude]);
+  const e = vector([azimuth + 90, 0]);
+  const n = [s[1] * e[2] - s[2] * e[1], s[2] * e[0] - s[0] * e[2], s[0] * e[1] - s[1] * e[0]];
+  c.setLineDash([6, 4]);
+  c.beginPath();
+  let up = false;
+  for (let i = 0; i <= 180; i++) {
+    const [cos, sin] = [Math.cos(i * 2 * rad), Math.sin(i * 2 * rad)];
+    const v = [0, 1, 2].map((k) => Math.cos(radius * rad) * s[k] + Math.sin(radius * rad) * (cos * e[k] + sin * n[k]));
+    const h = Math.asin(clamp(v[2], -1, 1)) / rad;
+    if (h < 0) { up = false; continue; }
+    const p = place([Math.atan2(v[0], v[1]) / rad, h]);
+    up ? c.lineTo(...p) : c.moveTo(...p);
+    up = true;
+  }
+  c.stroke();
+  c.setLineDash([]);
 }
 
 const loadSky = latest(async (at) => {
@@ -1061,7 +1171,8 @@ function devices() {
       state = live.state; // its error is the alarm at the top
       taken = live.taken;
       now = live.frame ? `${live.frame.mean_adu.toFixed(0)} … ${live.frame.most_adu} ADU` : live.rates_hz.map(([name, rate]) => `${name} ${hertz(rate)}`).join(" ");
-      if (live.refused) now += ` ${live.refused} refused`;
+      if (live.refused) now += `, ${live.refused} refused`;
+      if (live.losses) now += `, lost ${live.losses === 1 ? "once" : `${live.losses} times`}`;
     } else if (!S.live) {
       state = stateAt(device.name, S.t);
       if (device.kind === "camera") now = S.film && S.camera === device.name && S.frame ? `frame ${S.frame.header.number}` : "";
@@ -1257,6 +1368,12 @@ function options(select, names) {
   select.closest("label").hidden = names.length < 2;
 }
 
+async function loadPredicted() {
+  S.predicted = await get("predicted");
+  $("predicted-label").hidden = !S.predicted.length;
+  redraw("counts");
+}
+
 async function about() {
   S.about = await get("about");
   document.title = `${S.about.name} – sunglint`;
@@ -1268,7 +1385,8 @@ async function about() {
   warnings(S.about.warnings);
   unitShown();
   get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
-  if (S.about.mode === "recorded" || S.about.mode === "live") get("predicted").then((curves) => { S.predicted = curves; $("predicted-label").hidden = !curves.length; redraw("counts"); }, () => {});
+  if (S.about.mode === "recorded" || S.about.mode === "live") loadPredicted().catch(() => {});
+  clockText(S.about.clock);
   return { camera: names("camera")[0], counter: names("counter")[0] };
 }
 
@@ -1638,6 +1756,19 @@ function drawCurve() {
       else { c.beginPath(); c.arc(px, py, size, 0, 7); c.fill(); }
     });
   });
+  // Where the target was in the fibre's field: a strip at the top. Elsewhere the gate is shut, and counts do not count.
+  const gated = R.now.flag_names.find(([, flag]) => flag === "off_axis")?.[0] ?? 0;
+  const gates = both[1]?.unit === "Hz" ? both[1] : null;
+  if (gates) {
+    c.fillStyle = css("--soft");
+    c.fillText("gate", 0.4 * em, box.t - 0.25 * em);
+    c.fillStyle = css("--good");
+    gates.time_s.forEach((t, i) => {
+      if (gates.flags[i] & gated) return;
+      const next = gates.time_s[i + 1];
+      c.fillRect(x(t), box.t - 0.45 * em, Math.max(1.5, next - t < 5 ? x(next) - x(t) : 0), 0.3 * em);
+    });
+  }
   // Refused frames: a cross at the bottom.
   c.strokeStyle = css("--bad");
   const half = (S.about.devices.find((d) => d.name === S.camera)?.exposure_s ?? 0) / 2;
@@ -1802,7 +1933,8 @@ function take(view) {
 // The program was started again: this is another night, of which nothing is known yet.
 async function newNight() {
   const away = S.since ? `, ${span((Date.now() - S.since) / 1000)} after this page last heard of the other one` : "";
-  Object.assign(S, { seen: { events: 0, counts: {} }, counts: {}, events: [], sky: null, tracks: [], lag: {}, view: null });
+  Object.assign(S, { seen: { events: 0, counts: {} }, counts: {}, history: {}, looks: null, events: [], sky: null, tracks: [], lag: {}, view: null });
+  $("looks-box").hidden = true;
   M.trail = [];
   mountMode(null);
   $("events").replaceChildren();
@@ -1820,6 +1952,7 @@ const schedule = latest(async () => {
   S.about.visits = list;
   visits();
   S.tracks = await get("tracks");
+  await loadPredicted();
 });
 
 // Alarms: of each kind and device when it was last there, and those that were told, the last ones.
@@ -1886,9 +2019,12 @@ function showLive(view) {
   devices();
   markVisits(view.now_s);
   alarms();
+  clockText(view.clock);
+  if (S.camera) loadLooks(S.camera);
   const free = view.free_bytes === null ? "" : `disk: ${(view.free_bytes * 1e-9).toFixed(1)} GB free`;
   const fills = view.bytes_per_s ? `, full in ${span(view.free_bytes / view.bytes_per_s)} at this rate` : "";
-  $("disk").textContent = free + fills;
+  const dropped = view.dropped ? `; ${view.dropped} bunches of bins or events did not reach the page (the session has them)` : "";
+  $("disk").textContent = free + fills + dropped;
   $("pause").textContent = view.paused ? "Resume" : "Pause";
   for (const id of ["pause", "skip", "repeat"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
   $("stop").disabled = Boolean(view.ended);
@@ -1899,7 +2035,8 @@ function showLive(view) {
   if (frame && frame.start_s !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.start_s });
   else frameText();
   if (!S.sky || Math.abs(S.sky.at_s - view.now_s) > 5) loadSky(view.now_s);
-  redraw("counts");
+  // The whole night has many points: once a second is enough.
+  if (!S.wideAt || performance.now() - S.wideAt > 1000) redraw("counts");
 }
 
 async function live() {
@@ -2054,31 +2191,86 @@ function drawMount({ c, place, em }) {
   }
   const [sun, limit] = [S.sky?.sun_deg, S.about.sun_limit_deg];
   if (!sun || !limit || sun[1] < -limit) return;
-  const rad = Math.PI / 180;
-  const vector = ([a, h]) => [Math.cos(h * rad) * Math.sin(a * rad), Math.cos(h * rad) * Math.cos(a * rad), Math.sin(h * rad)];
-  const s = vector(sun);
-  const e = vector([sun[0] + 90, 0]);
-  const n = [s[1] * e[2] - s[2] * e[1], s[2] * e[0] - s[0] * e[2], s[0] * e[1] - s[1] * e[0]];
   c.strokeStyle = css("--warn");
-  c.setLineDash([6, 4]);
-  c.beginPath();
-  let up = false;
-  for (let i = 0; i <= 180; i++) {
-    const [cos, sin] = [Math.cos(i * 2 * rad), Math.sin(i * 2 * rad)];
-    const v = [0, 1, 2].map((k) => Math.cos(limit * rad) * s[k] + Math.sin(limit * rad) * (cos * e[k] + sin * n[k]));
-    const h = Math.asin(clamp(v[2], -1, 1)) / rad;
-    if (h < 0) { up = false; continue; }
-    const p = place([Math.atan2(v[0], v[1]) / rad, h]);
-    up ? c.lineTo(...p) : c.moveTo(...p);
-    up = true;
+  around(c, place, sun, limit);
+}
+
+// --- focus and background -----------------------------------------------------------------------------------------------
+
+const loadLooks = latest(async (camera) => {
+  const have = S.looks?.camera === camera ? S.looks : { camera, start_s: [], fwhm_px: [], background_adu: [] };
+  const come = await get(`looks/${part(camera)}?after_s=${have.start_s.at(-1) ?? -1e9}`);
+  if (camera !== S.camera) return;
+  for (const key of ["start_s", "fwhm_px", "background_adu"]) {
+    for (const value of come[key]) have[key].push(value);
+    have[key].splice(0, have[key].length - 7200);
   }
-  c.stroke();
-  c.setLineDash([]);
+  S.looks = have;
+  $("looks-box").hidden = have.start_s.length < 2;
+  redraw("looks");
+  await new Promise((done) => setTimeout(done, 1000));
+});
+
+// Width of the target and background of a pixel over the time, each in its strip.
+function drawLooks() {
+  const canvas = $("looks");
+  const looks = S.looks;
+  if (!S.live || !looks || $("looks-box").hidden) return;
+  const { c, w, h, em } = fit(canvas);
+  const [from, to] = [Math.max(looks.start_s[0], S.live.now_s - 3600), Math.max(S.live.now_s, looks.start_s[0] + 60)];
+  const left = 9.5 * em;
+  const x = (t) => left + ((t - from) / (to - from)) * (w - left - 0.4 * em);
+  const said = [];
+  [["fwhm_px", "width", "px", 2], ["background_adu", "background", "ADU", 0]].forEach(([key, name, unit, digits], k) => {
+    const [top, bottom] = [(k * h) / 2 + 0.3 * em, ((k + 1) * h) / 2 - 0.3 * em];
+    const values = looks[key].filter((v, i) => v !== null && looks.start_s[i] >= from);
+    // The middle nine tenths: a frame with a satellite's flare must not flatten the rest.
+    const sorted = [...values].sort((a, b) => a - b);
+    const at = (q) => sorted[Math.round(q * (sorted.length - 1))] ?? 0;
+    const room = Math.max(0.1 * (at(0.95) - at(0.05)), digits ? 0.1 : 1);
+    const [low, high] = [at(0.05) - room, at(0.95) + room];
+    const y = (v) => bottom - clamp((v - low) / (high - low), 0, 1) * (bottom - top);
+    const last = looks[key].findLast((v) => v !== null);
+    const text = `${name} ${last === undefined ? "–" : last.toFixed(digits)} ${unit}`;
+    said.push(`${text} (${at(0.05).toFixed(digits)} to ${at(0.95).toFixed(digits)})`);
+    c.fillStyle = css("--soft");
+    c.textBaseline = "middle";
+    c.fillText(text, 0.2 * em, (top + bottom) / 2);
+    c.strokeStyle = css("--line");
+    c.lineWidth = 1;
+    c.beginPath(); c.moveTo(left, bottom); c.lineTo(w - 0.4 * em, bottom); c.stroke();
+    c.strokeStyle = css(k ? "--soft" : "--accent");
+    c.lineWidth = 1.5;
+    c.beginPath();
+    let before = false;
+    looks[key].forEach((v, i) => {
+      if (v === null || looks.start_s[i] < from) { before = false; return; }
+      const p = [x(looks.start_s[i]), y(v)];
+      before ? c.lineTo(...p) : c.moveTo(...p);
+      before = true;
+    });
+    c.stroke();
+  });
+  canvas.setAttribute("aria-label", `focus and background over ${span(to - from)}: ${said.join(", ")}`);
+}
+
+// How well the computer knows the time.
+function clockText(clock) {
+  $("clock-health").hidden = !clock;
+  if (!clock) return;
+  const { method, synchronised, offset_s, error_s } = clock;
+  const how = synchronised === true ? "follows UTC" : synchronised === false ? "does not follow UTC" : "may be wrong: nobody says whether it follows UTC";
+  const ms = (s) => `${(1000 * s).toPrecision(2)} ms`;
+  const parts = [`clock: ${how}${method === "none" ? "" : `, by ${method}`}`];
+  if (offset_s !== undefined) parts.push(`${offset_s < 0 ? "" : "+"}${ms(offset_s)} from it`);
+  if (error_s !== undefined) parts.push(`wrong by ${ms(error_s)} at most`);
+  $("clock-health").textContent = parts.join(", ");
+  $("clock-health").classList.toggle("warn", synchronised !== true);
 }
 
 // --- the person ---------------------------------------------------------------------------------------------------------
 
-const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip, curve: drawCurve };
+const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), looks: drawLooks, strip: drawStrip, curve: drawCurve };
 
 function wire() {
   $("theme").value = localStorage.getItem("sunglint-theme") ?? "auto";

@@ -178,7 +178,9 @@ const root = () => { document.documentElement.dataset.planned = String(P.picks.l
 // Stars that are up at the time that is shown, the brightest first: whoever has no pointer picks them here.
 let starsOf = "";
 function listStars() {
-  const stars = [...(S.sky?.stars ?? [])].sort((a, b) => a.v_mag - b.v_mag);
+  // Those that stand above what is about the station.
+  const free = ({ at_deg: [azimuth, altitude] }) => altitude > S.sky.horizon_deg[Math.round(azimuth / 10) % 36];
+  const stars = (S.sky?.stars ?? []).filter(free).sort((a, b) => a.v_mag - b.v_mag);
   const key = `${S.sky?.at_s} ${Boolean(token())}`;
   if (key === starsOf) return;
   starsOf = key;
