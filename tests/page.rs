@@ -918,6 +918,8 @@ for_s = 300
     click_at(&mut browser, at);
     browser.until("document.getElementById('notice').innerText.includes('kept there')");
     star_stands(&mut browser, place);
+    // Focus over the time, of the frames that were measured.
+    browser.until("!document.getElementById('looks-box').hidden && sunglint.looks.fwhm_px.filter((v) => v > 1 && v < 20).length > 5");
     looks_good(&mut browser, "mount");
     // The telescope looks to the right, so that the light goes to the left.
     browser.run("(() => { const s = document.getElementById('mount-step'); s.append(new Option('45″', '45')); s.value = '45'; })()");
@@ -1065,6 +1067,11 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     type_into(&mut browser, "[data-key='annulus_px.0']", "");
     browser.until("!document.getElementById('curve-why').innerText.includes('annulus_px')");
     looks_good(&mut browser, "rework");
+    // The gate above a counter's curve.
+    browser.run("(() => { const s = document.getElementById('rework-channel'); s.value = 'spcm'; s.dispatchEvent(new Event('change')); })()");
+    browser.settle();
+    browser.shot(&pictures().join("rework_gate.png"));
+    browser.run("(() => { const s = document.getElementById('rework-channel'); s.value = 'g'; s.dispatchEvent(new Event('change')); })()");
     type_into(&mut browser, "#recipe-name", "rescued");
     browser.click("#save-form button");
     browser.until("document.getElementById('saved-text').innerText.includes('saved as')");

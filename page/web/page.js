@@ -2206,7 +2206,7 @@ const loadLooks = latest(async (camera) => {
     have[key].splice(0, have[key].length - 7200);
   }
   S.looks = have;
-  $("looks-box").hidden = have.start_s.length < 2;
+  $("looks-box").hidden = have.start_s.length < 2 || [...have.fwhm_px, ...have.background_adu].every((v) => v === null);
   redraw("looks");
   await new Promise((done) => setTimeout(done, 1000));
 });
@@ -2259,7 +2259,7 @@ function clockText(clock) {
   $("clock-health").hidden = !clock;
   if (!clock) return;
   const { method, synchronised, offset_s, error_s } = clock;
-  const how = synchronised === true ? "follows UTC" : synchronised === false ? "does not follow UTC" : "may be wrong: nobody says whether it follows UTC";
+  const how = synchronised === true ? "follows UTC" : synchronised === false ? "does not follow UTC" : "not known whether it follows UTC";
   const ms = (s) => `${(1000 * s).toPrecision(2)} ms`;
   const parts = [`clock: ${how}${method === "none" ? "" : `, by ${method}`}`];
   if (offset_s !== undefined) parts.push(`${offset_s < 0 ? "" : "+"}${ms(offset_s)} from it`);
@@ -2369,11 +2369,13 @@ async function begin() {
   for (;;) {
     try {
       const chosen = await about();
+      notice("");
       S.live = S.about.mode === "live" ? S.live : null;
       if (S.about.mode === "live") {
         S.camera = chosen.camera;
         S.counter = chosen.counter;
         S.live = await get("live");
+        notice("");
         S.live.counts = {};
         legend();
         await live();
