@@ -1761,7 +1761,7 @@ function drawCurve() {
   const gates = both[1]?.unit === "Hz" ? both[1] : null;
   if (gates) {
     c.fillStyle = css("--soft");
-    c.fillText("gate", 0.4 * em, box.t - 0.25 * em);
+    c.fillText(gates.flags.every((flags) => flags & gated) ? "gate: always shut" : "gate", 0.4 * em, box.t - 0.25 * em);
     c.fillStyle = css("--good");
     gates.time_s.forEach((t, i) => {
       if (gates.flags[i] & gated) return;
