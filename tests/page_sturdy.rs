@@ -357,21 +357,21 @@ fn the_whole_night_is_on_the_page() {
         .iter()
         .map(|list| list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect())
         .collect();
+    let [start_s, length_s, rate_hz, low_hz, high_hz] = <[Vec<f64>; 5]>::try_from(lists).unwrap();
+    let points = start_s.iter().zip(length_s).zip(rate_hz).zip(low_hz.into_iter().zip(high_hz));
     let mut at = 0;
     // The last one grew on meanwhile.
-    for i in 0..lists[0].len() - 1 {
-        let bins = (lists[1][i] / 0.1).round() as usize;
+    for (((from_s, length_s), rate_hz), (low_hz, high_hz)) in points.take(start_s.len() - 1) {
+        let bins = (length_s / 0.1).round() as usize;
         let own = &all[at..at + bins];
         at += bins;
-        let start_s = (own[0].start - session.manifest().start_utc).to_seconds();
-        assert!((lists[0][i] - start_s).abs() < 1e-6, "{} for {start_s}", lists[0][i]);
+        let expected_s = (own[0].start - session.manifest().start_utc).to_seconds();
+        assert!((from_s - expected_s).abs() < 1e-6, "{from_s} for {expected_s}");
         let counts: u64 = own.iter().map(|bin| bin.counts[0]).sum();
-        assert!((lists[2][i] * lists[1][i] - counts as f64).abs() < 1e-6 * counts as f64 + 1e-6);
+        assert!((rate_hz * length_s - counts as f64).abs() < 1e-6 * counts as f64 + 1e-6);
         let rates = own.iter().map(|bin| 10.0 * bin.counts[0] as f64);
         let (low, high) = rates.fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(v), b.max(v)));
-        assert!(
-            (lists[3][i] - low).abs() < 1e-6 * high && (lists[4][i] - high).abs() < 1e-6 * high
-        );
+        assert!((low_hz - low).abs() < 1e-6 * high && (high_hz - high).abs() < 1e-6 * high);
     }
     assert!(at > 200, "{at}");
 }
