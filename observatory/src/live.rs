@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::Cancel;
-use sunglint_formats::session::{Event, TargetKind, What};
+use sunglint_formats::session::{ClockState, Event, TargetKind, What};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
 use sunglint_formats::{CountRecord, Frame};
@@ -28,8 +28,12 @@ const POINT_S: f64 = 0.1;
 const POINTS: usize = 6000;
 /// Points of the last stretch of empty sky that are kept.
 const OFF_POINTS: usize = 600;
-/// Points in one answer at most.
-const ANSWER: usize = 1200;
+/// Points in one answer at most: all that are kept, so that a page that is loaded again has them.
+const ANSWER: usize = POINTS;
+/// Length of a point of the whole night, s.
+const COARSE_S: f64 = 5.0;
+/// Points of the whole night that are kept for each counter: those of a day.
+const COARSE: usize = 17_280;
 /// Events that are kept.
 const EVENTS: usize = 500;
 /// Commands that wait at most.
@@ -321,12 +325,61 @@ pub struct OffPoints {
     pub flags: Vec<u32>,
 }
 
+/// Some seconds of counts, with the range of their points: flashes stay to be seen.
+#[derive(Debug, Clone, PartialEq)]
+struct Coarse {
+    number: u64,
+    start_s: f64,
+    end_s: f64,
+    length_s: f64,
+    counts: Vec<u64>,
+    /// Lowest and highest rate of a point, by channel, Hz.
+    range_hz: Vec<[f64; 2]>,
+    flags: u32,
+}
+
+impl Coarse {
+    fn of(point: &Point) -> Self {
+        let rate = |counts: &u64| [*counts as f64 / point.length_s; 2];
+        Self {
+            number: 0,
+            start_s: point.start_s,
+            end_s: point.start_s + point.length_s,
+            length_s: point.length_s,
+            counts: point.counts.clone(),
+            range_hz: point.counts.iter().map(rate).collect(),
+            flags: point.flags,
+        }
+    }
+
+    fn add(&mut self, point: &Point) {
+        self.end_s = point.start_s + point.length_s;
+        self.length_s += point.length_s;
+        self.flags |= point.flags;
+        let own = self.counts.iter_mut().zip(&mut self.range_hz);
+        for ((sum, [low, high]), counts) in own.zip(&point.counts) {
+            *sum = sum.saturating_add(*counts);
+            let rate_hz = *counts as f64 / point.length_s;
+            (*low, *high) = (low.min(rate_hz), high.max(rate_hz));
+        }
+    }
+
+    /// Whether a point goes on where this one ends, and it is not long enough.
+    fn takes(&self, point: &Point) -> bool {
+        self.length_s < COARSE_S * (1.0 - 1e-9)
+            && (point.start_s - self.end_s).abs() < 0.5 * point.length_s
+    }
+}
+
 #[derive(Debug, Default)]
 struct Ring {
     channels: Vec<String>,
     points: VecDeque<Point>,
     open: Option<Point>,
     next: u64,
+    /// The whole night in larger points; the last one grows.
+    coarse: VecDeque<Coarse>,
+    next_coarse: u64,
     /// Visits to the empty sky, the last one at the end: those within the time of `points`, and the one before it.
     off: VecDeque<OffPoints>,
 }
@@ -353,10 +406,24 @@ impl Ring {
         if let Some(mut point) = self.open.take() {
             self.next += 1;
             point.number = self.next;
+            self.add_coarse(&point);
             self.points.push_back(point);
         }
         while self.points.len() > POINTS {
             self.points.pop_front();
+        }
+    }
+
+    fn add_coarse(&mut self, point: &Point) {
+        match self.coarse.back_mut().filter(|last| last.takes(point)) {
+            Some(last) => last.add(point),
+            None => {
+                self.next_coarse += 1;
+                self.coarse.push_back(Coarse { number: self.next_coarse, ..Coarse::of(point) });
+            }
+        }
+        while self.coarse.len() > COARSE {
+            self.coarse.pop_front();
         }
     }
 
@@ -404,6 +471,27 @@ pub struct LiveCounts {
     /// Rates of each channel, Hz.
     pub rate_hz: Vec<Vec<f64>>,
     /// Flags of each point: bits of [`CountFlags`](sunglint_formats::CountFlags).
+    pub flags: Vec<u32>,
+}
+
+/// Counts of a whole night in points of some seconds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LiveHistory {
+    /// Channels, in the order of the rates.
+    pub channels: Vec<String>,
+    /// Number of the last point, which may grow on.
+    pub last: u64,
+    /// Start of each point, s after the night's start.
+    pub start_s: Vec<f64>,
+    /// Time that each point has counted, s.
+    pub length_s: Vec<f64>,
+    /// Mean rate of each channel, Hz.
+    pub rate_hz: Vec<Vec<f64>>,
+    /// Lowest rate in a tenth of a second.
+    pub low_hz: Vec<Vec<f64>>,
+    /// Highest rate in a tenth of a second.
+    pub high_hz: Vec<Vec<f64>>,
+    /// Flags of any of the bins: bits of [`CountFlags`](sunglint_formats::CountFlags).
     pub flags: Vec<u32>,
 }
 
@@ -489,6 +577,8 @@ pub struct LiveView {
     pub bytes_per_s: Option<f64>,
     /// Error with which the disk refuses to write.
     pub disk_error: Option<String>,
+    /// How far the computer's clock is from UTC, as it was known last.
+    pub clock: Option<ClockState>,
     /// Rows and frames that are not on the disk.
     pub not_written: u64,
     /// Bunches of bins or events that the page did not get, because it was too slow; the session has them.
@@ -528,6 +618,7 @@ struct Inner {
     /// Whether it was started by somebody who looked on.
     started: bool,
     ended: Option<String>,
+    clock: Option<ClockState>,
     rings: BTreeMap<String, Ring>,
     events: VecDeque<LiveEvent>,
     next_event: u64,
@@ -610,6 +701,7 @@ impl LiveState {
         inner.can_pause = can_pause;
         inner.sun_limit_deg = night.mount.as_ref().map(|mount| mount.sun_limit_deg());
         inner.waiting = false;
+        inner.clock = Some(night.manifest.clock.clone());
         inner.devices.clear();
         for camera in &night.cameras {
             let (name, channels) = (camera.name.clone(), Vec::new());
@@ -645,6 +737,9 @@ impl LiveState {
                     }
                 }
                 Ok(Update::Event(event)) => {
+                    if let What::Clock(state) = &event.what {
+                        inner.clock = Some(state.clone());
+                    }
                     inner.next_event += 1;
                     inner.events.push_back(LiveEvent::of(inner.next_event, &event, start));
                     while inner.events.len() > EVENTS {
@@ -767,6 +862,28 @@ impl LiveState {
         inner.rings.get(counter).map(|ring| ring.off.iter().cloned().collect()).unwrap_or_default()
     }
 
+    /// Counts of the whole night from the point of that number on; `None` for a counter that there is not.
+    pub fn history(&self, counter: &str, from: u64) -> Option<LiveHistory> {
+        let inner = lock(&self.inner);
+        let ring = inner.rings.get(counter)?;
+        let at = ring.coarse.partition_point(|point| point.number < from);
+        let points = || ring.coarse.range(at..);
+        let each = |of: &dyn Fn(&Coarse, usize) -> f64| {
+            (0..ring.channels.len()).map(|i| points().map(|p| of(p, i)).collect()).collect()
+        };
+        let range = |p: &Coarse, i: usize| p.range_hz.get(i).copied().unwrap_or_default();
+        Some(LiveHistory {
+            channels: ring.channels.clone(),
+            last: ring.next_coarse,
+            start_s: points().map(|p| p.start_s).collect(),
+            length_s: points().map(|p| p.length_s).collect(),
+            rate_hz: each(&|p, i| p.counts.get(i).map_or(0.0, |n| *n as f64 / p.length_s)),
+            low_hz: each(&|p, i| range(p, i)[0]),
+            high_hz: each(&|p, i| range(p, i)[1]),
+            flags: points().map(|p| p.flags).collect(),
+        })
+    }
+
     /// State of the night, and what came since. `None` before it begins.
     pub fn since(&self, seen: &Seen) -> Option<LiveView> {
         let inner = lock(&self.inner);
@@ -832,6 +949,7 @@ impl LiveState {
             free_bytes: inner.free.back().map(|(_, free)| *free),
             bytes_per_s: shrinks(&inner.free),
             disk_error: snapshot.disk_error.clone(),
+            clock: inner.clock.clone(),
             not_written: snapshot.missing,
             dropped: self.dropped.load(Ordering::Relaxed),
             counts: inner
@@ -843,7 +961,11 @@ impl LiveState {
                 })
                 .collect(),
             events: inner.events.iter().filter(|e| e.number > seen_events).cloned().collect(),
-            events_missed: first_event.saturating_sub(seen_events + 1),
+            // A reader that asks for the first time has missed nothing.
+            events_missed: match seen_events {
+                0 => 0,
+                seen => first_event.saturating_sub(seen + 1),
+            },
         })
     }
 
@@ -945,6 +1067,65 @@ mod tests {
             (7000, ANSWER, 6900 - ANSWER as u64)
         );
         assert_eq!(counts_since(&long, 6999).start_s, [6999.0]);
+    }
+
+    /// Truth: by hand: bins of 0.1 s with 0, 1, 2 … counts become points of 5 s with the lowest and the highest rate in them; a gap ends a point; the last point grows, and is given again.
+    #[test]
+    fn the_whole_night_is_kept_in_larger_points() {
+        let state = LiveState::new();
+        let mut ring = Ring { channels: vec!["g".into()], ..Ring::default() };
+        for i in 0..70 {
+            ring.add(0.1 * i as f64, &record(i, 100_000_000_000));
+        }
+        // Ten seconds of nothing.
+        for i in 170..173 {
+            ring.add(0.1 * i as f64, &record(i, 100_000_000_000));
+        }
+        lock(&state.inner).rings.insert("tagger".into(), ring);
+        assert!(state.history("elsewhere", 0).is_none());
+        let all = state.history("tagger", 0).unwrap();
+        assert_eq!(all.last, 3);
+        let near = |found: &[f64], expected: &[f64]| {
+            assert_eq!(found.len(), expected.len());
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        };
+        near(&all.start_s, &[0.0, 5.0, 17.0]);
+        near(&all.length_s, &[5.0, 2.0, 0.3]);
+        // (0 + … + 49) / 5 s, (50 + … + 69) / 2 s, (170 + 171 + 172) / 0.3 s.
+        near(&all.rate_hz[0], &[245.0, 595.0, 1710.0]);
+        near(&all.low_hz[0], &[0.0, 500.0, 1700.0]);
+        near(&all.high_hz[0], &[490.0, 690.0, 1720.0]);
+        assert_eq!(all.flags, [CountFlags::GAP.bits(), 0, 0]);
+        near(&state.history("tagger", 3).unwrap().start_s, &[17.0]);
+        let mut inner = lock(&state.inner);
+        let ring = inner.rings.get_mut("tagger").unwrap();
+        ring.add(17.3, &record(173, 100_000_000_000));
+        // Bins that are longer than a point are points of their own, and a day of them is kept.
+        for i in 0..COARSE as u64 + 9 {
+            ring.add(100.0 + 10.0 * i as f64, &record(i, 10_000_000_000_000));
+        }
+        assert_eq!((ring.coarse.len(), ring.next_coarse), (COARSE, COARSE as u64 + 12));
+    }
+
+    /// Truth: by hand: whoever asks for the first time has missed nothing, however long the night has gone on; whoever comes late is told of what is gone.
+    #[test]
+    fn a_first_look_has_missed_nothing() {
+        let state = LiveState::new();
+        let start = parse_utc("2026-11-21T18:00:00Z").unwrap();
+        lock(&state.inner).start = Some(start);
+        let status = Status::new(start, false);
+        for i in 0..EVENTS + 100 {
+            state.event(start, &What::Control { action: "note".into(), text: i.to_string() });
+            if i % 100 == 99 {
+                state.collect(&status.snapshot(), &[], false);
+            }
+        }
+        let view = |events| {
+            let seen = Seen { events, ..Seen::default() };
+            let view = state.since(&seen).unwrap();
+            (view.events.len(), view.events_missed)
+        };
+        assert_eq!((view(0), view(10), view(590)), ((EVENTS, 0), (EVENTS, 90), (10, 0)));
     }
 
     /// Truth: by hand: of points of a second, two visits to the sky of 10 s and 5 s keep their own, those that lie within them whole. A visit is dropped once points after the next are all that is kept.

@@ -241,7 +241,7 @@ struct Planner<'a> {
 /// The golden section: multiples of it, without their whole parts, are spread as evenly as can be.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 /// A star nearer to the Moon is not taken, degrees.
-const MOON_DEG: f64 = 15.0;
+pub const MOON_DEG: f64 = 15.0;
 /// A star in the brightest pixel or counter comes so near to saturation at most: seeing and focus change.
 const MARGIN: f64 = 0.7;
 /// Altitudes of the Sun between which flats of the sky are taken, degrees.

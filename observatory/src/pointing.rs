@@ -1,6 +1,7 @@
 //! Where a target stands: for the headers of frames.
 
 use hifitime::Epoch;
+use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit, elements};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{Target, TargetKind};
@@ -112,14 +113,25 @@ impl Pointing {
         self.place(target, utc).map(|[azimuth, altitude, ..]| [azimuth, altitude])
     }
 
-    /// Azimuth, altitude, right ascension and declination (ICRS, without aberration), deg.
-    fn place(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 4]> {
+    /// Whether the Sun shines on a satellite at a time: on more than half of its disc. `None` for a target that is no satellite.
+    pub fn is_lit(&mut self, target: &Target, utc: Epoch) -> Option<bool> {
+        let observer = Observer::at(utc, &self.station.site, EarthOrientation::embedded()).ok()?;
+        let Body::Orbit(orbit) = self.body(target)? else { return None };
+        Geometry::at(orbit, &observer).ok().map(|geometry| geometry.sunlit >= 0.5)
+    }
+
+    fn body(&mut self, target: &Target) -> Option<&Body> {
         if self.known.as_ref().is_none_or(|(known, _)| known != target) {
             self.known = Some((target.clone(), Body::of(target)));
         }
-        let body = self.known.as_ref()?.1.as_ref()?;
+        self.known.as_ref()?.1.as_ref()
+    }
+
+    /// Azimuth, altitude, right ascension and declination (ICRS, without aberration), deg.
+    fn place(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 4]> {
         let earth = EarthOrientation::embedded();
         let observer = Observer::at(utc, &self.station.site, earth).ok()?;
+        let body = self.body(target)?;
         let (horizontal, equatorial) = match body {
             Body::Star(star) => {
                 let horizontal = observer.star(star).horizontal;

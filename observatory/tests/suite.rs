@@ -5,4 +5,5 @@ mod goto;
 mod mounting;
 mod safety;
 mod sequence;
+mod shadow;
 mod tracking;

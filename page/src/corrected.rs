@@ -70,6 +70,11 @@ pub(crate) struct Predicted {
 }
 
 impl Predicted {
+    /// Rates of these channels at these times, s after the session's start.
+    pub fn new(channels: Vec<String>, at_s: Vec<f64>, rate_hz: Vec<Vec<Option<f64>>>) -> Self {
+        Self { channels, at_s, rate_hz }
+    }
+
     /// A light curve beside a night that began then, in the order of time.
     pub fn of(curve: &LightCurve, start: Epoch) -> Self {
         let mut order: Vec<usize> = (0..curve.samples.time.len()).collect();

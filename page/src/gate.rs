@@ -2,13 +2,17 @@
 
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST, HeaderMap, ORIGIN};
 use hyper::{Method, StatusCode, Uri};
-use std::net::{IpAddr, SocketAddr};
+use std::collections::HashMap;
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Wrong tokens in [`WINDOW`] after which no token is looked at.
+/// Wrong tokens of one address in [`WINDOW`] after which it is told to wait. The right token always passes: whoever has it must be able to stop the night,
+/// whatever others try, and 128 random bits are not guessed.
 const WRONG: u32 = 20;
 const WINDOW: Duration = Duration::from_secs(60);
+/// Addresses whose wrong tokens are counted at most.
+const ADDRESSES: usize = 1024;
 
 /// Secret of a server: 128 random bits in hexadecimal digits. Whoever has it may steer.
 #[derive(Clone, PartialEq, Eq)]
@@ -60,13 +64,13 @@ fn refuse<T>(status: StatusCode, text: &'static str) -> Result<T, Refusal> {
 pub(crate) struct Gate {
     address: SocketAddr,
     token: Token,
-    /// Wrong tokens since then.
-    wrong: Mutex<(Option<Instant>, u32)>,
+    /// Wrong tokens by address: since when, and how many.
+    wrong: Mutex<HashMap<IpAddr, (Instant, u32)>>,
 }
 
 impl Gate {
     pub fn new(address: SocketAddr, token: Token) -> Self {
-        Self { address, token, wrong: Mutex::new((None, 0)) }
+        Self { address, token, wrong: Mutex::default() }
     }
 
     /// Whether a name in a request is ours. On loopback these are its three names; elsewhere an address, never a name: a foreign name may be made to lead here
@@ -88,8 +92,14 @@ impl Gate {
         }
     }
 
-    /// Whether a request may pass.
-    pub fn admit(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
+    /// Whether a request of a client may pass.
+    pub fn admit(
+        &self,
+        client: IpAddr,
+        method: &Method,
+        uri: &Uri,
+        headers: &HeaderMap,
+    ) -> Result<(), Refusal> {
         if method != Method::GET && method != Method::POST {
             return refuse(StatusCode::METHOD_NOT_ALLOWED, "GET and POST alone");
         }
@@ -130,8 +140,8 @@ impl Gate {
         }
         let asks = uri.path().starts_with("/api/");
         let needs_token = method == Method::POST || (asks && !self.address.ip().is_loopback());
-        if needs_token {
-            self.check_token(headers)?;
+        if needs_token || asks {
+            self.check_token(client, headers, needs_token)?;
         }
         let json = one(CONTENT_TYPE.as_str()).is_some_and(|kind| kind == "application/json");
         if method == Method::POST && !json {
@@ -140,26 +150,51 @@ impl Gate {
         Ok(())
     }
 
-    fn check_token(&self, headers: &HeaderMap) -> Result<(), Refusal> {
-        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-        if wrong.0.is_none_or(|since| since.elapsed() > WINDOW) {
-            *wrong = (Some(Instant::now()), 0);
-        }
-        if wrong.1 >= WRONG {
-            return refuse(StatusCode::TOO_MANY_REQUESTS, "too many wrong tokens: wait a minute");
-        }
+    /// Looks at the token of a request. A wrong one is refused also where none is needed, so that a page learns of it before it has to steer.
+    fn check_token(
+        &self,
+        client: IpAddr,
+        headers: &HeaderMap,
+        is_needed: bool,
+    ) -> Result<(), Refusal> {
         let said = headers.get(AUTHORIZATION).and_then(|v| v.as_bytes().strip_prefix(b"Bearer "));
         match said {
             Some(said) if self.token.is(said) => Ok(()),
-            Some(_) => {
-                wrong.1 += 1;
-                refuse(StatusCode::UNAUTHORIZED, "the token is not this server's")
-            }
+            Some(_) if self.is_over(client) => refuse(
+                StatusCode::TOO_MANY_REQUESTS,
+                "too many wrong tokens from this address: wait a minute",
+            ),
+            Some(_) => refuse(
+                StatusCode::UNAUTHORIZED,
+                "the token is not this server's: open the whole address that its start printed",
+            ),
+            None if !is_needed => Ok(()),
             None => refuse(
                 StatusCode::UNAUTHORIZED,
                 "this needs the token: open the whole address that the start of the server printed",
             ),
         }
+    }
+
+    /// Counts a wrong token, and tells whether its address had too many before.
+    fn is_over(&self, client: IpAddr) -> bool {
+        // A household has 2^64 addresses of version 6.
+        let client = match client.to_canonical() {
+            IpAddr::V6(six) => IpAddr::V6(Ipv6Addr::from_bits(six.to_bits() & (u128::MAX << 64))),
+            four @ IpAddr::V4(_) => four,
+        };
+        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+        wrong.retain(|_, (since, _)| since.elapsed() <= WINDOW);
+        if wrong.len() >= ADDRESSES
+            && !wrong.contains_key(&client)
+            && let Some(oldest) = wrong.iter().min_by_key(|(_, (since, _))| *since)
+        {
+            let oldest = *oldest.0;
+            wrong.remove(&oldest);
+        }
+        let of = wrong.entry(client).or_insert((Instant::now(), 0));
+        of.1 = of.1.saturating_add(1);
+        of.1 > WRONG
     }
 }
 
@@ -168,12 +203,22 @@ mod tests {
     use super::*;
 
     fn status(gate: &Gate, method: &str, path: &str, headers: &[(&'static str, &str)]) -> u16 {
+        status_of(gate, "192.0.2.1", method, path, headers)
+    }
+
+    fn status_of(
+        gate: &Gate,
+        client: &str,
+        method: &str,
+        path: &str,
+        headers: &[(&'static str, &str)],
+    ) -> u16 {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             map.append(*name, value.parse().unwrap());
         }
         let method = Method::from_bytes(method.as_bytes()).unwrap();
-        match gate.admit(&method, &path.parse().unwrap(), &map) {
+        match gate.admit(client.parse().unwrap(), &method, &path.parse().unwrap(), &map) {
             Ok(()) => 200,
             Err(refusal) => refusal.status.as_u16(),
         }
@@ -198,6 +243,11 @@ mod tests {
             (421, "GET", "/", vec![("host", "192.168.1.2:8650")]),
             (421, "GET", "http://evil.example/", vec![host]),
             (200, "GET", "/api/about", vec![host, ("origin", "http://127.0.0.1:8650")]),
+            // A token that is told is looked at; one of another kind is none.
+            (200, "GET", "/api/about", vec![host, ("authorization", &bearer)]),
+            (401, "GET", "/api/about", vec![host, ("authorization", "Bearer 0123")]),
+            (200, "GET", "/api/about", vec![host, ("authorization", "Basic 0123")]),
+            (200, "GET", "/", vec![host, ("authorization", "Bearer 0123")]),
             (403, "GET", "/api/about", vec![host, ("origin", "http://localhost:8650")]),
             (403, "GET", "/api/about", vec![host, ("origin", "null")]),
             (403, "GET", "/api/about", vec![host, ("sec-fetch-site", "cross-site")]),
@@ -253,9 +303,22 @@ mod tests {
         assert_eq!(status(&far, "GET", "/api/about", &[host]), 401);
         assert_eq!(status(&far, "GET", "/api/about", &[host, ("authorization", &bearer)]), 200);
         assert_eq!(status(&far, "GET", "/", &[("host", "observatory.example:8650")]), 421);
+        // Wrong tokens hold up their own address alone, and the right one passes in any case.
+        let ask = |client: &str, token: &str| {
+            status_of(&far, client, "GET", "/api/x", &[host, ("authorization", token)])
+        };
         for _ in 0..WRONG {
-            assert_eq!(status(&far, "GET", "/api/x", &[host, ("authorization", "Bearer no")]), 401);
+            assert_eq!(ask("2001:db8::1", "Bearer no"), 401);
         }
-        assert_eq!(status(&far, "GET", "/api/x", &[host, ("authorization", &bearer)]), 429);
+        assert_eq!(ask("2001:db8::1", "Bearer no"), 429);
+        assert_eq!(ask("2001:db8::2", "Bearer no"), 429, "the same household");
+        assert_eq!(ask("2001:db8::1", &bearer), 200);
+        assert_eq!(ask("2001:db8:0:1::1", "Bearer no"), 401);
+        assert_eq!(ask("192.0.2.7", "Bearer no"), 401);
+        // More addresses than are counted: the oldest one is forgotten, and memory is bounded.
+        for i in 0..2 * ADDRESSES {
+            assert_eq!(ask(&format!("10.0.{}.{}", i / 256, i % 256), "Bearer no"), 401);
+        }
+        assert!(far.wrong.lock().unwrap().len() <= ADDRESSES);
     }
 }

@@ -87,6 +87,8 @@ impl std::fmt::Debug for Stop {
 /// A run in the lab as a source of the page. Whoever measures tells it of each line, and waits while it is paused.
 #[derive(Debug)]
 pub struct LabRun {
+    /// Number of this start of the program: a page that saw another one begins anew.
+    run: u64,
     name: String,
     program: String,
     angle: String,
@@ -125,6 +127,7 @@ struct NowView<'a> {
 
 #[derive(Serialize)]
 struct View<'a> {
+    run: u64,
     places: Vec<&'a Place>,
     /// Places since that are not kept any more.
     missed: u64,
@@ -181,7 +184,9 @@ impl LabRun {
     /// A run of so many places, of which some were measured before; `angle` names the curve's axis.
     pub fn new(name: &str, program: &str, angle: &str, places: u64, before: u64) -> Self {
         let inner = Inner { since: Some(Instant::now()), ..Inner::default() };
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         Self {
+            run: now.map_or(0, |now| u64::try_from(now.as_micros()).unwrap_or(0)),
             name: name.to_owned(),
             program: program.to_owned(),
             angle: angle.to_owned(),
@@ -260,7 +265,8 @@ impl LabRun {
 
     fn view(&self, request: &Request) -> Answer {
         let inner = self.inner();
-        let seen = request.whole("seen").unwrap_or(0).min(inner.last_number);
+        let seen = request.whole("seen").filter(|_| request.whole("run") == Some(self.run));
+        let seen = seen.unwrap_or(0).min(inner.last_number);
         // The oldest first: a page that was loaded again asks until it has all that is kept.
         let gone = inner.last_number - inner.places.len() as u64;
         let from = seen.max(gone);
@@ -280,6 +286,7 @@ impl LabRun {
             scatter: moments(&inner.now).1,
         });
         Answer::json(&View {
+            run: self.run,
             places: given.collect(),
             missed: from - seen,
             last,
@@ -407,7 +414,10 @@ mod tests {
             (&3.into(), &4.into(), &0.into())
         );
         assert_eq!(
-            asked(&run, false, "lab", "seen=1", "").1["places"].as_array().unwrap().len(),
+            asked(&run, false, "lab", &format!("seen=1&run={}", run.run), "").1["places"]
+                .as_array()
+                .unwrap()
+                .len(),
             1
         );
         // More than one answer holds: all come, the oldest first.
@@ -417,17 +427,18 @@ mod tests {
         }
         let (mut seen, mut found) = (0, 0);
         for more in [true, true, false] {
-            let (_, view) = asked(&run, false, "lab", &format!("seen={seen}"), "");
+            let query = format!("seen={seen}&run={}", run.run);
+            let (_, view) = asked(&run, false, "lab", &query, "");
             assert_eq!((&view["more"], &view["missed"]), (&more.into(), &0.into()));
             (seen, found) =
                 (view["last"].as_u64().unwrap(), found + view["places"].as_array().unwrap().len());
         }
         assert_eq!((seen, found), (12_002, 12_002));
-        // Whoever has seen more was at another run.
-        assert_eq!(
-            asked(&run, false, "lab", "seen=99000", "").1["places"].as_array().unwrap().len(),
-            0
-        );
+        // Whoever saw another run has seen nothing of this one, however many places that had.
+        for query in ["seen=12000", "seen=12000&run=1"] {
+            let view = asked(&run, false, "lab", query, "").1;
+            assert_eq!((&view["places"][0]["number"], &view["missed"]), (&1.into(), &0.into()));
+        }
     }
 
     /// Truth: by hand: a paused run waits until it is resumed or stopped, or is over by itself.

@@ -26,6 +26,7 @@ mod live;
 mod magnitudes;
 mod marks;
 mod plan;
+mod predicted;
 mod recorded;
 mod request;
 mod rework;

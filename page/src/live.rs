@@ -3,20 +3,21 @@
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::magnitudes::{Calibration, Off, PointMagnitudes, Points, Scale, sky_of};
-use crate::marks::marks;
+use crate::marks::{Look, marks};
+use crate::predicted::StarCurves;
 use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
 use crate::request::{Answer, Request, Source};
 use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, TryLockError};
 use std::time::Duration as Wait;
 use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
 use sunglint_observatory::live::{
-    Click, Control, ControlError, LiveCounts, LiveState, LiveView, OffPoints, Seen,
+    Click, Control, ControlError, LiveCounts, LiveHistory, LiveState, LiveView, OffPoints, Seen,
 };
 use sunglint_observatory::{Pointing, Schedule, Slot};
 use sunglint_radiometry::light_curve::LightCurve;
@@ -24,6 +25,8 @@ use sunglint_radiometry::station::Station;
 
 /// The words of a page's commands.
 const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, lock, keep, jog, halt, park or follow";
+/// Frames whose focus and background are kept for each camera: those of an hour or more.
+const LOOKS: usize = 7200;
 /// Time that a command may take.
 const COMMAND: Wait = Wait::from_secs(2);
 
@@ -34,8 +37,12 @@ pub struct LiveNight {
     program: String,
     /// Marks of the last frame that somebody asked for: one measurement for all pages.
     marked: Mutex<Option<(String, Epoch, Answer)>>,
+    /// Focus and background of the frames that were measured, by camera.
+    looks: Mutex<HashMap<String, VecDeque<Look>>>,
     corrected: OnceLock<Corrected>,
     predicted: Vec<LightCurve>,
+    /// Curves of the plan's stars.
+    stars: Mutex<StarCurves>,
     calibration: Option<Calibration>,
     scale: OnceLock<Result<Scale, String>>,
 }
@@ -48,6 +55,22 @@ struct Shown<'a> {
     corrected_hz: BTreeMap<&'a str, Vec<Vec<Option<f64>>>>,
     /// Magnitudes of the same points, where there is a calibration.
     magnitudes: BTreeMap<&'a str, PointMagnitudes>,
+}
+
+/// Counts of the whole night, and without dead time and dark counts.
+#[derive(Serialize)]
+struct HistoryView {
+    #[serde(flatten)]
+    view: LiveHistory,
+    corrected_hz: Vec<Vec<Option<f64>>>,
+}
+
+/// Focus and background of frames, in the order in which they were measured.
+#[derive(Serialize)]
+struct LooksView {
+    start_s: Vec<f64>,
+    fwhm_px: Vec<Option<f64>>,
+    background_adu: Vec<Option<f64>>,
 }
 
 /// Command of a page.
@@ -94,8 +117,10 @@ impl LiveNight {
             state,
             program: program.to_owned(),
             marked: Mutex::default(),
+            looks: Mutex::default(),
             corrected: OnceLock::new(),
             predicted: Vec::new(),
+            stars: Mutex::default(),
             calibration: None,
             scale: OnceLock::new(),
         }
@@ -152,8 +177,13 @@ impl LiveNight {
 
     fn predicted(&self) -> Result<Answer, Answer> {
         let start = self.start()?;
-        let curves: Vec<Predicted> =
+        let mut curves: Vec<Predicted> =
             self.predicted.iter().map(|curve| Predicted::of(curve, start)).collect();
+        // What somebody gave goes before what the catalogue has.
+        if curves.is_empty() {
+            let mut stars = self.stars.lock().unwrap_or_else(PoisonError::into_inner);
+            curves = stars.of(&self.state.slots(), &self.station()?, start);
+        }
         Ok(Answer::json(&curves))
     }
 
@@ -181,7 +211,10 @@ impl LiveNight {
                 to_s: (to - start).to_seconds(),
             }
         };
-        let devices = self.state.devices().into_iter().map(|device| DeviceView {
+        let devices = self.state.devices();
+        let camera = devices.iter().find(|device| device.kind == "camera");
+        let station_camera = camera.map(|device| device.name.clone());
+        let devices = devices.into_iter().map(|device| DeviceView {
             kind: if device.kind == "camera" { DeviceKind::Camera } else { DeviceKind::Counter },
             name: device.name,
             channels: device.channels,
@@ -209,7 +242,10 @@ impl LiveNight {
             devices: devices.collect(),
             visits: slots.iter().map(visit).collect(),
             fibres: fibres(&station),
+            station_camera,
             sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
+            // The state has it as it is now.
+            clock: None,
             flag_names: flag_names(),
             sun_limit_deg: self.state.sun_limit_deg(),
             warnings,
@@ -240,16 +276,56 @@ impl LiveNight {
 
     fn marks(&self, camera: &str) -> Result<Answer, Answer> {
         let (_, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
-        let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
+        // One measurement at a time: several pages that ask for it must not hold all workers.
+        let mut marked = match self.marked.try_lock() {
+            Ok(marked) => marked,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                return Err(Answer::error(503, "a frame is being measured: ask again"));
+            }
+        };
         if let Some((name, of, answer)) = &*marked
             && name == camera
             && *of == frame.start
         {
             return Ok(answer.clone());
         }
-        let answer = marks(&frame, &self.station()?)?;
+        let view = marks(&frame, &self.station()?, self.start()?)?;
+        self.note_look(camera, view.look());
+        let answer = Answer::json(&view);
         *marked = Some((camera.to_owned(), frame.start, answer.clone()));
         Ok(answer)
+    }
+
+    fn note_look(&self, camera: &str, look: Look) {
+        let mut looks = self.looks.lock().unwrap_or_else(PoisonError::into_inner);
+        let of = looks.entry(camera.to_owned()).or_default();
+        of.push_back(look);
+        while of.len() > LOOKS {
+            of.pop_front();
+        }
+    }
+
+    /// Focus and background of the frames that were measured since a time.
+    fn looks(&self, request: &Request, camera: &str) -> Answer {
+        let after_s = request.number("after_s").unwrap_or(f64::NEG_INFINITY);
+        let looks = self.looks.lock().unwrap_or_else(PoisonError::into_inner);
+        let of = || looks.get(camera).into_iter().flatten().filter(|look| look.start_s > after_s);
+        Answer::json(&LooksView {
+            start_s: of().map(|look| look.start_s).collect(),
+            fwhm_px: of().map(|look| look.fwhm_px).collect(),
+            background_adu: of().map(|look| look.background_adu).collect(),
+        })
+    }
+
+    /// The counts of the whole night in points of some seconds.
+    fn history(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {
+        let from = request.whole("from").unwrap_or(0);
+        let view = self.state.history(counter, from).ok_or_else(Answer::missing)?;
+        let station = self.station()?;
+        let corrected = self.corrected.get_or_init(|| Corrected::of(&station));
+        let corrected_hz = corrected.all(&view.channels, &view.rate_hz, &view.length_s);
+        Ok(Answer::json(&HistoryView { view, corrected_hz }))
     }
 
     fn sky(&self, request: &Request) -> Result<Answer, Answer> {
@@ -342,6 +418,8 @@ impl Source for LiveNight {
             (false, ["live"]) => self.live(request),
             (false, ["frame", camera]) => self.frame(request, camera),
             (false, ["marks", camera, "last"]) => self.marks(camera),
+            (false, ["looks", camera]) => Ok(self.looks(request, camera)),
+            (false, ["history", counter]) => self.history(request, counter),
             (false, ["sky"]) => self.sky(request),
             (false, ["tracks"]) => self.tracks(),
             (false, ["predicted"]) => self.predicted(),

@@ -14,7 +14,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use sunglint_formats::session::{
-    CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit, What,
+    ClockState, CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit,
+    What,
 };
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, FileError, Frame};
@@ -98,8 +99,12 @@ pub struct About {
     pub visits: Vec<VisitView>,
     /// Fields of fibres.
     pub fibres: Vec<FibreView>,
+    /// Name of the camera that the station describes, on which the fibres lie and the reduction has its place: the first one.
+    pub station_camera: Option<String>,
     /// Size of the camera's sensor, px.
     pub sensor_px: Option<[u32; 2]>,
+    /// How far the computer's clock was from UTC at the start.
+    pub clock: Option<ClockState>,
     /// Names of the bits of the counts' flags.
     pub flag_names: Vec<(u32, String)>,
     /// Least distance of the mount from the Sun, deg; `None` without a mount.
@@ -177,7 +182,8 @@ pub struct CountsView {
 #[derive(Serialize)]
 struct EventsView<'a> {
     events: &'a [LiveEvent],
-    left_out: usize,
+    /// Whether there are more after them.
+    more: bool,
 }
 
 /// Rates of the sky by channel, for a counter and the number of a visit.
@@ -408,7 +414,9 @@ impl Recording {
             devices: manifest.devices.iter().map(device).collect(),
             visits: self.visits.iter().map(visit).collect(),
             fibres: station.map(fibres).unwrap_or_default(),
+            station_camera: self.session.cameras().next().map(str::to_owned),
             sensor_px: station.and_then(|s| s.camera.as_ref()).map(|camera| camera.size_px),
+            clock: Some(manifest.clock.clone()),
             flag_names: flag_names(),
             sun_limit_deg: None,
             warnings: self.warnings.clone(),
@@ -447,7 +455,7 @@ impl Recording {
         let film = self.film(camera).ok_or_else(Answer::missing)?;
         let frame = self.read(film, index.parse().map_err(|_| Answer::missing())?)?;
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
-        marks(&frame, station)
+        marks(&frame, station, self.start).map(|marks| Answer::json(&marks))
     }
 
     fn counts(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {
@@ -538,9 +546,12 @@ impl Recording {
         })
     }
 
-    fn all_events(&self) -> Answer {
-        let left_out = self.events.len().saturating_sub(EVENTS);
-        Answer::json(&EventsView { events: &self.events[left_out..], left_out })
+    /// The events after a number, the oldest first: whoever wants all asks until there are no more.
+    fn events_after(&self, request: &Request) -> Answer {
+        let after = request.whole("after").unwrap_or(0);
+        let rest = &self.events[self.events.partition_point(|event| event.number <= after)..];
+        let events = &rest[..rest.len().min(EVENTS)];
+        Answer::json(&EventsView { events, more: events.len() < rest.len() })
     }
 }
 
@@ -610,7 +621,7 @@ impl Source for Recording {
             ["recipes"] => Ok(Rework::names(&self.session)),
             ["recipes", name] => Rework::recipe(&self.session, name),
             ["about"] => Ok(Answer::json(&self.about())),
-            ["events"] => Ok(self.all_events()),
+            ["events"] => Ok(self.events_after(request)),
             ["frames", camera] => self.film(camera).ok_or_else(Answer::missing).map(|film| {
                 let number = film.files.iter().map(|file| file.sequence).collect();
                 Answer::json(&FilmView { start_s: &film.start_s, number })

@@ -36,6 +36,11 @@ impl Request {
         Some(Self { post, path, query: pairs.map(pair).collect::<Option<_>>()?, body })
     }
 
+    /// Whether it is a command, such as Stop, that waits for no other answer.
+    pub fn is_command(&self) -> bool {
+        self.post && matches!(self.parts().as_slice(), ["control"] | ["reduction", "cancel"])
+    }
+
     /// The parts of the path.
     pub fn parts(&self) -> Vec<&str> {
         self.path.iter().map(String::as_str).collect()

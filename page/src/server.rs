@@ -12,7 +12,7 @@ use hyper::service::service_fn;
 use hyper::{Method, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use std::collections::HashMap;
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
@@ -20,7 +20,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
-use tokio::sync::oneshot;
+use tokio::sync::{Semaphore, oneshot};
 use tokio::time::Sleep;
 
 /// Connections at most. One more takes the place of the one that has been silent for longest, first of those that never asked for anything.
@@ -37,16 +37,19 @@ const HEAD: usize = 16 << 10;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Answers that are made at the same time.
 const WORKERS: usize = 4;
+/// Answers to commands that are made beside them: Stop waits for no frame that is measured, and for no reduction.
+const COMMANDS: usize = 4;
 /// Ports that are tried where none is asked for.
 const PORTS: std::ops::Range<u16> = 8650..8670;
 
 const CSP: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; \
                    frame-ancestors 'none'; require-trusted-types-for 'script'";
 
-const FILES: [(&str, &str, &str); 6] = [
+const FILES: [(&str, &str, &str); 7] = [
     ("/", "text/html; charset=utf-8", include_str!("../web/index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("../web/page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("../web/page.js")),
+    ("/theme.js", "text/javascript; charset=utf-8", include_str!("../web/theme.js")),
     ("/plan.js", "text/javascript; charset=utf-8", include_str!("../web/plan.js")),
     ("/lab.js", "text/javascript; charset=utf-8", include_str!("../web/lab.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../web/icon.svg")),
@@ -93,17 +96,22 @@ impl Server {
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
         let token = Token::new()?;
-        let gate = Arc::new(Gate::new(address, token.clone()));
+        let served = Arc::new(Served {
+            gate: Gate::new(address, token.clone()),
+            source,
+            workers: Arc::new(Semaphore::new(WORKERS)),
+            commands: Arc::new(Semaphore::new(COMMANDS)),
+        });
         let (stop, stopped) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
-            .max_blocking_threads(WORKERS)
+            .max_blocking_threads(WORKERS + COMMANDS)
             .thread_name("page-answer")
             .build()?;
         let thread = std::thread::Builder::new().name("page".into()).spawn(move || {
             runtime.block_on(async {
-                let accepting = tokio::spawn(accept(listener, gate, source));
+                let accepting = tokio::spawn(accept(listener, served));
                 let _ = stopped.await;
                 accepting.abort();
             });
@@ -163,6 +171,14 @@ fn listen(address: Option<SocketAddr>) -> Result<TcpListener, ServerError> {
     Ok(TcpListener::bind(("127.0.0.1", 0))?)
 }
 
+/// Everything that connections share.
+struct Served {
+    gate: Gate,
+    source: Arc<dyn Source>,
+    workers: Arc<Semaphore>,
+    commands: Arc<Semaphore>,
+}
+
 /// A connection.
 #[derive(Debug)]
 struct Seat {
@@ -203,42 +219,35 @@ fn take_seat(seats: &Shared) -> u64 {
     number
 }
 
-async fn accept(listener: TcpListener, gate: Arc<Gate>, source: Arc<dyn Source>) {
+async fn accept(listener: TcpListener, served: Arc<Served>) {
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     let seats = Shared::default();
     loop {
-        let Ok((stream, _)) = listener.accept().await else {
+        let Ok((stream, client)) = listener.accept().await else {
             // Out of file handles: a moment later some are free.
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
         };
         let _ = stream.set_nodelay(true);
         let number = take_seat(&seats);
-        let served = serve(stream, number, seats.clone(), gate.clone(), source.clone());
-        let task = tokio::spawn(served).abort_handle();
+        let serving = serve(stream, client.ip(), number, seats.clone(), served.clone());
+        let task = tokio::spawn(serving).abort_handle();
         if let Some(seat) = lock(&seats).open.get_mut(&number) {
             seat.task = Some(task);
         }
     }
 }
 
-async fn serve(
-    stream: TcpStream,
-    number: u64,
-    seats: Shared,
-    gate: Arc<Gate>,
-    source: Arc<dyn Source>,
-) {
+async fn serve(stream: TcpStream, client: IpAddr, number: u64, seats: Shared, served: Arc<Served>) {
     let asked = Arc::new(Mutex::new((Instant::now(), 0_u32)));
     let own = seats.clone();
     let service = service_fn(move |request: hyper::Request<Incoming>| {
-        let (gate, source, seats, asked) =
-            (gate.clone(), source.clone(), own.clone(), asked.clone());
+        let (served, seats, asked) = (served.clone(), own.clone(), asked.clone());
         async move {
             mark(&seats, number, true);
             let answer = match over_rate(&asked) {
                 true => Answer::error(429, "too many requests of one connection in a second"),
-                false => answer(request, &gate, source).await,
+                false => answer(request, client, &served).await,
             };
             mark(&seats, number, false);
             Ok::<_, std::convert::Infallible>(response(answer))
@@ -269,9 +278,10 @@ fn over_rate(asked: &Mutex<(Instant, u32)>) -> bool {
     asked.1 > REQUESTS
 }
 
-async fn answer(request: hyper::Request<Incoming>, gate: &Gate, source: Arc<dyn Source>) -> Answer {
+async fn answer(request: hyper::Request<Incoming>, client: IpAddr, served: &Served) -> Answer {
     let (head, body) = request.into_parts();
-    if let Err(Refusal { status, text }) = gate.admit(&head.method, &head.uri, &head.headers) {
+    let admitted = served.gate.admit(client, &head.method, &head.uri, &head.headers);
+    if let Err(Refusal { status, text }) = admitted {
         return Answer::error(status.as_u16(), text);
     }
     let path = head.uri.path();
@@ -296,7 +306,17 @@ async fn answer(request: hyper::Request<Incoming>, gate: &Gate, source: Arc<dyn 
     let Some(request) = Request::new(post, &path, head.uri.query().unwrap_or(""), body) else {
         return Answer::error(400, "the address is not readable");
     };
-    let made = tokio::task::spawn_blocking(move || source.answer(&request)).await;
+    let of = if request.is_command() { &served.commands } else { &served.workers };
+    let Ok(Ok(turn)) = tokio::time::timeout(PATIENCE, of.clone().acquire_owned()).await else {
+        return Answer::error(503, "the program makes other answers: ask again");
+    };
+    let source = served.source.clone();
+    let made = tokio::task::spawn_blocking(move || {
+        // It goes on where the client is gone meanwhile, and keeps its turn as long.
+        let _turn = turn;
+        source.answer(&request)
+    });
+    let made = made.await;
     made.unwrap_or_else(|_| Answer::error(500, "the answer could not be made"))
 }
 

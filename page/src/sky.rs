@@ -4,7 +4,7 @@ use hifitime::{Duration, Epoch};
 use serde::Serialize;
 use sunglint_formats::session::Target;
 use sunglint_observatory::Pointing;
-use sunglint_observatory::planner::star_name;
+use sunglint_observatory::planner::{MOON_DEG, star_name};
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer, Planet};
 use sunglint_radiometry::station::Station;
 
@@ -52,6 +52,8 @@ pub struct Sky {
     pub moon_deg: [f64; 2],
     /// Sunlit part of the Moon.
     pub moon_lit: f64,
+    /// Distance from the Moon within which the planner takes no star, deg.
+    pub moon_limit_deg: f64,
     /// Name of the target and where it stands, deg.
     pub target: Option<(String, [f64; 2])>,
     /// Elevation of the horizon at each tenth degree of azimuth from north, deg.
@@ -67,6 +69,8 @@ pub struct SkyTrack {
     pub at_s: Vec<f64>,
     /// Azimuth and altitude, deg.
     pub at_deg: Vec<[f64; 2]>,
+    /// Whether the Sun shines on a satellite; empty for other targets.
+    pub lit: Vec<bool>,
 }
 
 fn degrees(horizontal: Horizontal) -> [f64; 2] {
@@ -106,6 +110,7 @@ impl Sky {
             sun_deg: degrees(observer.sun().horizontal),
             moon_deg: degrees(moon.horizontal),
             moon_lit: moon.place.illuminated_fraction(),
+            moon_limit_deg: MOON_DEG,
             target: place,
             horizon_deg: (0..36)
                 .map(|i| station.horizon.elevation_deg(10.0 * f64::from(i)))
@@ -126,11 +131,13 @@ impl SkyTrack {
         let length_s = (to - from).to_seconds().max(0.0);
         let steps = ((length_s / 5.0).ceil() as usize).clamp(1, POINTS);
         let mut pointing = Pointing::new(station.clone());
-        let mut track = Self { name: target.name.clone(), at_s: vec![], at_deg: vec![] };
+        let mut track =
+            Self { name: target.name.clone(), at_s: vec![], at_deg: vec![], lit: vec![] };
         for i in 0..=steps {
             let utc = from + Duration::from_seconds(length_s * i as f64 / steps as f64);
             track.at_deg.push(pointing.horizontal_deg(target, utc)?);
             track.at_s.push((utc - start).to_seconds());
+            track.lit.extend(pointing.is_lit(target, utc));
         }
         Some(track)
     }

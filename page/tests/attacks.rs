@@ -267,6 +267,72 @@ fn slow_and_many_clients_are_dropped() {
     assert!(answer.contains("429 Too Many Requests"), "no limit of requests");
 }
 
+/// A stranger, or a telephone with the token of yesterday, asks with a wrong token again and again: from the same address as the right page, too. Truth: the right token passes in any case.
+#[test]
+fn wrong_tokens_do_not_lock_out_the_right_one() {
+    let (_folder, server) = session();
+    let at = server.address();
+    let post = |token: &str| {
+        let text = format!(
+            "POST /api/control HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\nContent-Type: application/json\r\nAuthorization: Bearer {token}\r\nContent-Length: 17\r\n\r\n{{\"action\":\"stop\"}}"
+        );
+        status(&send(at, text.as_bytes())).to_owned()
+    };
+    let wrong: Vec<String> = (0..30).map(|i| post(&format!("{i:032x}"))).collect();
+    assert_eq!((wrong[0].as_str(), wrong[29].as_str()), ("401", "429"));
+    // 405: it passed the gate; a recorded session cannot be steered.
+    assert_eq!(post(server.token().text()), "405");
+}
+
+/// Answers that never come, more of them than are made at the same time. Truth: a command is answered meanwhile, and an ordinary request once they are done.
+#[test]
+fn slow_answers_do_not_hold_up_a_command() {
+    /// Answers commands at once, and all else when it is told.
+    struct Slow(std::sync::Mutex<bool>, std::sync::Condvar);
+    impl Source for Slow {
+        fn answer(&self, request: &Request) -> Answer {
+            if !request.is_command() {
+                let done = self.0.lock().unwrap();
+                drop(self.1.wait_while(done, |done| !*done).unwrap());
+            }
+            Answer::json(&1)
+        }
+    }
+    let source = Arc::new(Slow(std::sync::Mutex::new(false), std::sync::Condvar::new()));
+    let server = Server::start(Some("127.0.0.1:0".parse().unwrap()), source.clone()).unwrap();
+    let at = server.address();
+    let slow = format!("GET /api/marks HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n\r\n");
+    let mut waiting: Vec<TcpStream> = (0..8)
+        .map(|_| {
+            let mut stream = TcpStream::connect(at).unwrap();
+            stream.write_all(slow.as_bytes()).unwrap();
+            stream
+        })
+        .collect();
+    // The commands wait for nothing; each one is seen after the slow ones.
+    for (path, body) in [("control", r#"{"action":"stop"}"#), ("reduction/cancel", "{}")] {
+        let text = format!(
+            "POST /api/{path} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\nContent-Type: application/json\r\nAuthorization: Bearer {}\r\nContent-Length: {}\r\n\r\n{body}",
+            server.token().text(),
+            body.len()
+        );
+        let mut stream = TcpStream::connect(at).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.write_all(text.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert_eq!(status(&answer), "200", "{path}: {answer}");
+    }
+    *source.0.lock().unwrap() = true;
+    source.1.notify_all();
+    for stream in &mut waiting {
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert_eq!(status(&answer), "200", "{answer}");
+    }
+}
+
 /// Beyond this computer nothing is told without the token. It listens at an address of loopback's network that is no name of it, as another computer's would be.
 #[test]
 fn open_servers_ask_for_the_token() {

@@ -1,7 +1,7 @@
 // A run in the lab: the reading, how steady it is, the curve as it grows, the time left.
-import { $, S, Refused, STROKES, clamp, complain, css, fit, get, lineColour, notice, redraw, setDraw, span, swatchOf, theme, ticks, token } from "./page.js";
+import { $, S, Refused, STROKES, about, clamp, complain, css, fit, get, lineColour, notice, onToken, redraw, setDraw, span, swatchOf, theme, ticks, token, wakened } from "./page.js";
 
-const L = { places: [], seen: 0, view: null };
+const L = { places: [], seen: 0, run: 0, view: null };
 window.sunglint.lab = L;
 
 const watts = (power) => (power === null || power === undefined ? "over the range" : `${power.toExponential(3)} W`);
@@ -39,7 +39,7 @@ function drawLab() {
     return;
   }
   const value = (p) => (log ? Math.log10(p.mean_w) : p.mean_w);
-  const bounds = (list) => { const [a, b] = [Math.min(...list), Math.max(...list)]; const room = 0.05 * (b - a) || 0.05 * Math.abs(b) || 1; return [a - room, b + room]; };
+  const bounds = (list) => { const [a, b] = list.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]); const room = 0.05 * (b - a) || 0.05 * Math.abs(b) || 1; return [a - room, b + room]; };
   const [x0, x1] = bounds(shown.map((p) => p.angle_deg));
   const [y0, y1] = bounds(shown.map(value));
   const x = (v) => box.l + ((v - x0) / (x1 - x0)) * (box.r - box.l);
@@ -98,7 +98,7 @@ function show(view) {
 export async function lab() {
   for (const panel of document.querySelectorAll("main > .panel")) panel.hidden = !panel.matches(".lab");
   document.body.classList.add("live", "lab-page");
-  $("steer").hidden = !token();
+  onToken(() => { $("steer").hidden = !token(); });
   for (const id of ["skip", "repeat"]) $(id).hidden = true;
   $("stop").textContent = "Stop the run";
   $("lab-log").addEventListener("change", () => redraw("lab"));
@@ -107,10 +107,15 @@ export async function lab() {
   for (;;) {
     const begun = performance.now();
     try {
-      const view = await get(`lab?seen=${L.seen}`);
+      const view = await get(`lab?seen=${L.seen}&run=${L.run}`);
       if (failed) { failed = 0; notice(""); }
-      // A run that was begun anew counts from the start.
-      if (view.last < L.seen) { L.places = []; L.seen = 0; continue; }
+      if (view.run !== L.run) {
+        // Another start of the program: what came is its curve from the beginning.
+        const again = L.run !== 0;
+        if (again) await about();
+        Object.assign(L, { places: [], seen: 0, run: view.run });
+        if (again) notice(`the program was started again: this is the new run${token() ? "" : ". To steer it, open the address that its start printed"}`);
+      }
       L.places.push(...view.places);
       L.seen = view.last;
       S.live = { paused: view.paused };
@@ -119,6 +124,11 @@ export async function lab() {
       document.documentElement.dataset.ready = "yes";
       if (view.more) continue;
     } catch (error) {
+      if (error.status === 401) {
+        complain(error);
+        await wakened(error);
+        continue;
+      }
       failed++;
       const over = L.view && (L.view.ended || L.view.done >= L.view.of);
       $("mode").textContent = over ? "ended" : "no connection";

@@ -8,35 +8,69 @@ const root = document.documentElement;
 // --- the server ---------------------------------------------------------------------------------------------------------
 
 const TOKEN = "sunglint-token";
-const told = new URLSearchParams(location.hash.slice(1)).get("token");
-if (told) {
-  sessionStorage.setItem(TOKEN, told);
-  // Out of the address, so that it is in no screenshot and no bookmark.
-  history.replaceState(null, "", location.pathname);
-}
 const token = () => sessionStorage.getItem(TOKEN);
+// What depends on whether this page may steer: done at once, and again when that changes.
+const steering = [];
+let tokenCame = () => {};
+function onToken(act) {
+  steering.push(act);
+  act();
+}
+function setToken(text) {
+  text ? sessionStorage.setItem(TOKEN, text) : sessionStorage.removeItem(TOKEN);
+  for (const act of steering) act();
+  if (!text) return;
+  notice("");
+  tokenCame();
+}
+// A token in the address, also one that is pasted into a page that is open. It goes out of the address, so that it is in no screenshot and no bookmark.
+function takeToken() {
+  const told = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (!told) return;
+  history.replaceState(null, "", location.pathname);
+  setToken(told);
+}
+takeToken();
+addEventListener("hashchange", takeToken);
+// Nothing is asked where nothing is told without a token.
+async function wakened(error) {
+  if (error.status === 401 && !error.with_token && !token()) await new Promise((done) => { tokenCame = done; });
+}
 
 class Refused extends Error {
-  constructor(status, text) {
+  constructor(status, text, with_token) {
     super(text);
-    this.status = status;
+    Object.assign(this, { status, with_token });
   }
 }
+// The program did not answer, or not in time. All other errors are faults of this page.
+class Silent extends Error {}
 
-async function ask(path, body, patience_ms = 8000) {
+// An answer of the program, read as JSON, or by another method of a Response.
+async function ask(path, body, { patience_ms = 8000, as = "json" } = {}) {
   const headers = {};
-  if (token()) headers.authorization = `Bearer ${token()}`;
+  const with_token = token();
+  if (with_token) headers.authorization = `Bearer ${with_token}`;
   if (body) headers["content-type"] = "application/json";
   const options = { headers, signal: AbortSignal.timeout(patience_ms), cache: "no-store" };
   if (body) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
-  const answer = await fetch(`api/${path}`, options);
-  if (!answer.ok) {
-    const said = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
-    throw new Refused(answer.status, said.error);
+  let answer;
+  let said;
+  try {
+    answer = await fetch(`api/${path}`, options);
+    said = answer.ok ? await answer[as]() : await answer.text();
+  } catch (error) {
+    if (error instanceof SyntaxError) throw error;
+    throw new Silent(`${path}: ${error.message}`);
   }
-  return answer;
+  if (answer.ok) return said;
+  let text = `the server answered ${answer.status}`;
+  try { text = JSON.parse(said).error ?? text; } catch { /* another server than ours */ }
+  // A token that this server does not know is of another start: kept, it would be told again and again.
+  if (answer.status === 401 && with_token && with_token === token()) setToken(null);
+  throw new Refused(answer.status, text, Boolean(with_token));
 }
-const get = async (path) => (await ask(path)).json();
+const get = (path) => ask(path);
 const part = encodeURIComponent;
 
 // Runs one at a time, the last wish wins: nothing piles up behind a slow answer.
@@ -47,24 +81,27 @@ function latest(work) {
     wish = { value };
     if (busy) return;
     busy = true;
-    while (wish) {
-      const now = wish.value;
-      wish = undefined;
-      try {
-        await work(now);
-      } catch (error) {
-        complain(error);
+    try {
+      while (wish) {
+        const now = wish.value;
+        wish = undefined;
+        try {
+          await work(now);
+        } catch (error) {
+          complain(error);
+        }
       }
+    } finally {
+      busy = false;
     }
-    busy = false;
   };
 }
 
 // --- what is known ------------------------------------------------------------------------------------------------------
 
 const S = {
-  about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], seen: { events: 0, counts: {} },
-  view: null, off: new Set(), hover: null, since: 0, lag: {},
+  about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], states: {}, listed: 0, reached: -1, seen: { events: 0, counts: {} },
+  history: {}, looks: null, wideAt: 0, cross: null, anew: false, view: null, off: new Set(), hover: null, since: 0, lag: {},
 };
 window.sunglint = S; // for those who look into it with the browser's console, and for tests
 
@@ -74,8 +111,20 @@ function notice(text) {
 }
 function complain(error) {
   if (error instanceof Refused) notice(error.message);
-  else if (error.name === "TypeError" || error.name === "TimeoutError" || error.name === "AbortError") notice("the program that serves this page does not answer");
-  else throw error;
+  else if (error instanceof Silent) notice("the program that serves this page does not answer");
+  else {
+    // A fault of the page is told as such, and the page goes on as well as it can.
+    console.error(error);
+    notice(`this page has a fault: ${error.message}. Load it again; if it stays, tell us what you did`);
+  }
+}
+// What is wrong with what is shown, all of it; it stays.
+function warnings(list) {
+  const box = $("warnings");
+  box.hidden = !list.length;
+  box.open = list.length > 0 && list.length <= 3;
+  box.querySelector("summary").textContent = list.length === 1 ? "1 warning" : `${list.length} warnings`;
+  box.querySelector("ul").replaceChildren(...list.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
 
 const two = (n) => String(n).padStart(2, "0");
@@ -405,7 +454,8 @@ function drawImage() {
   };
   c.lineWidth = 1.5;
   const sensor = S.about.sensor_px ?? f.header.size_px;
-  S.about.fibres.forEach((fibre, i) => {
+  // The station describes one camera: its fibres lie on no other's frames.
+  if (S.camera === S.about.station_camera) S.about.fibres.forEach((fibre, i) => {
     const at = [0, 1].map((k) => ((sensor[k] - 1) / 2 + fibre.offset_px[k] - f.header.origin_px[k]) / f.header.binning[k]);
     const [a, b] = [0, 1].map((k) => fibre.sigma_px[k] / f.header.binning[k]);
     ring(at, a, b, red ? "#802020" : "#5fd0e0", [4, 4]);
@@ -427,6 +477,13 @@ function drawImage() {
     ring(m.place_px, m.aperture_px, m.aperture_px, red ? "#ff6060" : "#ffffff");
     for (const radius of m.annulus_px) ring(m.place_px, radius, radius, red ? "#c03030" : "#ff9060", [6, 4]);
   }
+  if (S.cross && placing()) {
+    const [cx, cy] = [(S.cross[0] - x0) / each, (S.cross[1] - y0) / each];
+    c.strokeStyle = red ? "#ff6060" : "#7fff7f";
+    c.beginPath();
+    for (const [a, b] of [[-1, 0], [1, 0], [0, -1], [0, 1]]) { c.moveTo(cx + 0.3 * em * a, cy + 0.3 * em * b); c.lineTo(cx + em * a, cy + em * b); }
+    c.stroke();
+  }
 }
 
 function frameText() {
@@ -445,6 +502,8 @@ function frameText() {
 
 function measuredText() {
   const m = S.marks;
+  // Marks of a frame that is not shown yet are told with it.
+  if (m && S.frame && m.of !== S.frame.of) return;
   if (!m) { $("measured").textContent = "\u00a0"; return; }
   if (!m.place_px) { $("measured").textContent = "no target found on this frame"; return; }
   const planes = m.planes.map((p) => {
@@ -460,9 +519,18 @@ const loadMarks = latest(async ({ camera, of }) => {
   if (!$("marks").checked) return;
   try {
     const marks = await get(`marks/${part(camera)}/${S.live ? "last" : of}`);
-    S.marks = { ...marks, of };
+    if (camera !== S.camera) return;
+    // A night goes on meanwhile: these may be the marks of the next frame, which is drawn soon.
+    S.marks = { ...marks, of: S.live ? marks.start_s : of };
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
+    if (camera !== S.camera) return;
+    if (error.status === 503) {
+      // Another page's frame is measured.
+      await new Promise((done) => setTimeout(done, 300));
+      if (S.frame && S.live) loadMarks({ camera: S.camera, of: S.frame.of });
+      return;
+    }
     S.marks = null;
     $("measured").textContent = error.message;
     return;
@@ -482,12 +550,15 @@ const loadFrame = latest(async ({ camera, of, again }) => {
     const values = { x: Math.max(0, x0), y: Math.max(0, y0), w: w + 1, h: h + 1 };
     for (const [key, value] of Object.entries(values)) query.set(key, String(Math.floor(value)));
   }
-  const buffer = await (await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`)).arrayBuffer();
+  const buffer = await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`, null, { as: "arrayBuffer" });
+  // Another camera may have been chosen meanwhile.
+  if (camera !== S.camera) return;
   const frame = decode(buffer);
   S.frame = { ...frame, of: S.live ? frame.header.start_s : of, camera };
   develop();
   frameText();
   redraw("image");
+  if (S.marks?.of === S.frame.of) measuredText();
   loadMarks({ camera, of: S.frame.of });
   if (!S.live) later();
 });
@@ -510,9 +581,7 @@ function pixelUnder(event) {
   const { each, x0, y0 } = windowOf(canvas.clientWidth, canvas.clientHeight);
   return [x0 + (event.clientX - box.left) * each, y0 + (event.clientY - box.top) * each];
 }
-function readPixel(event) {
-  if (!S.frame) return;
-  const [fx, fy] = pixelUnder(event);
+function readPixel([fx, fy]) {
   const h = S.frame.header;
   const [column, row] = [Math.floor(fx), Math.floor(fy)];
   const [i, j] = [Math.floor((fx - h.part_px[0]) / h.bin), Math.floor((fy - h.part_px[1]) / h.bin)];
@@ -522,12 +591,42 @@ function readPixel(event) {
   $("pixel").textContent = `column ${column}, row ${row}: ${value} ADU${h.bin > 1 ? ` (mean of ${h.bin} × ${h.bin})` : ""}${saturated}`;
 }
 
+// What takes the place in the image that a person is asked for; null where none is asked for. It is told by a click, or by a cross that the arrow keys move.
+function placing() {
+  return R.pointing ? pointAt : S.live && M.mode ? mountPlace : null;
+}
+function askPlace(text) {
+  S.cross = null;
+  notice(`${text}; or move the cross there by the arrow keys (shift: by 10) and press Enter`);
+  $("image").focus();
+}
+function crossKey(event) {
+  const take = placing();
+  const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+  if (!take || !S.frame || !(way || event.key === "Enter")) return;
+  event.preventDefault();
+  event.stopPropagation();
+  const size = S.frame.header.size_px;
+  // The light that was found is near to what is meant.
+  const found = S.marks?.of === S.frame.of ? S.marks.place_px : null;
+  S.cross ??= found ? found.map((v) => v + 0.5) : size.map((v) => v / 2);
+  if (way) {
+    S.cross = S.cross.map((v, k) => clamp(v + way[k] * (event.shiftKey ? 10 : 1), 0, size[k] - 1e-6));
+    readPixel(S.cross);
+  } else {
+    const at = S.cross;
+    S.cross = null;
+    take(at);
+  }
+  redraw("image");
+}
+
 // --- counts -------------------------------------------------------------------------------------------------------------
 
 function range() {
   const wanted = $("span").value;
   const now = S.live ? S.live.now_s : S.t;
-  if (wanted === "all") return S.live ? [Math.max(0, now - 600), now] : [0, S.about.length_s];
+  if (wanted === "all") return S.live ? [Math.min(now - 60, S.history[S.counter]?.start_s[0] ?? S.counts[S.counter]?.start_s[0] ?? now), now] : [0, S.about.length_s];
   if (wanted === "visit") {
     const visit = S.live ? S.live.target && { from_s: S.live.target.from_s, to_s: Math.min(now, S.live.target.to_s ?? now) } : visitAt(now);
     if (visit) return [visit.from_s, Math.max(visit.to_s, visit.from_s + 1)];
@@ -558,6 +657,48 @@ function countsNow() {
   return S.live ? S.counts[S.counter] : S.shown;
 }
 
+// The whole night in points of some seconds, with the lowest and the highest rate in each: what is older than the points of a tenth of a second.
+const loadHistory = latest(async (counter) => {
+  const run = S.live.run;
+  const have = S.history[counter];
+  // The last point grows: it is asked for again.
+  const { corrected_hz, ...new_ } = await get(`history/${part(counter)}?from=${have?.last ?? 0}`);
+  if (S.live?.run !== run) return;
+  const lists = (view) => [view.start_s, view.length_s, view.flags, ...view.rate_hz, ...view.low_hz, ...view.high_hz, ...view.corrected_hz];
+  const next = { ...new_, corrected_hz, at: performance.now() };
+  if (have) {
+    const [old, come] = [lists(have), lists(next)];
+    old.forEach((list, i) => { list.pop(); for (const value of come[i]) list.push(value); });
+    // As many as the program keeps.
+    const over = have.start_s.length - 17280;
+    if (over > 0) for (const list of old) list.splice(0, over);
+    Object.assign(have, { last: next.last, at: next.at });
+  } else S.history[counter] = next;
+  redraw("counts");
+});
+
+// Counts of a running night from a time on: the small points, and before them the large ones.
+function liveCounts(from) {
+  const fine = S.counts[S.counter];
+  if (!fine?.start_s.length || from >= fine.start_s[0] - 1) return fine;
+  const old = S.history[S.counter];
+  if (!(old && performance.now() - old.at < 5000)) loadHistory(S.counter);
+  if (!old) return fine;
+  const first = old.start_s.findIndex((t, i) => t + old.length_s[i] >= from);
+  const after = old.start_s.findIndex((t) => t >= fine.start_s[0]);
+  const cut = (list) => (first < 0 ? [] : list.slice(first, after < 0 ? undefined : after));
+  const join = (a, b) => cut(a).concat(b);
+  const all = (a, b) => b.map((list, k) => join(a[k], list));
+  const coarse = cut(old.start_s).length;
+  // The sky of so long ago is not known any more: no magnitudes.
+  const none = fine.channels.map(() => new Array(old.start_s.length).fill(null));
+  return {
+    channels: fine.channels, bins: 1, coarse, start_s: join(old.start_s, fine.start_s), length_s: join(old.length_s, fine.length_s), flags: join(old.flags, fine.flags),
+    rate_hz: all(old.rate_hz, fine.rate_hz), low_hz: all(old.low_hz, fine.rate_hz), high_hz: all(old.high_hz, fine.rate_hz), corrected_hz: all(old.corrected_hz, fine.corrected_hz),
+    magnitudes: { magnitude: all(none, fine.magnitudes.magnitude), sigma_mag: all(none, fine.magnitudes.sigma_mag) },
+  };
+}
+
 function ticks(low, high, most) {
   const raw = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -585,8 +726,9 @@ function timeTicks(low, high, most) {
 
 function drawCounts() {
   const { c, w, h, em } = fit($("counts"));
-  const data = countsNow();
   const [from, to] = range();
+  const data = S.live ? liveCounts(from) : S.shown;
+  S.wideAt = data?.coarse ? performance.now() : 0;
   const box = { l: 4.2 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
   const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
   c.fillStyle = css("--soft");
@@ -626,7 +768,7 @@ function drawCounts() {
   const mags = magnitudesOf(data);
   const rates = mags ? mags.magnitude : corrected ? data.corrected_hz : data.rate_hz;
   // The lowest and the highest bin are counted rates.
-  const banded = data.bins > 1 && !corrected && !mags;
+  const banded = (data.bins > 1 || data.coarse > 0) && !corrected && !mags;
   const [highs, lows] = banded ? [data.high_hz, data.low_hz] : [rates, rates];
   let [least, most] = [Infinity, -Infinity];
   for (const k of on) for (const i of inside) { if (lows[k][i] !== null) least = Math.min(least, lows[k][i]); if (highs[k][i] !== null) most = Math.max(most, highs[k][i]); }
@@ -788,7 +930,7 @@ function readCounts(data, inside, faults) {
   const rate = (k) => (shown(k) === null ? "saturated or not known" : hertz(shown(k)));
   const rates = data.channels.map((name, k) => `${name} ${mags ? magnitude(k) : rate(k)}`).join(" · ");
   const flags = flagNames(data.flags[best]).filter((name) => name !== "clock free");
-  const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : "";
+  const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : best < data.coarse ? ` · mean of ${data.length_s[best].toFixed(1)} s` : "";
   $("counts-text").textContent = `${utc(data.start_s[best], 1)} UTC · ${rates}${bins}${flags.length ? ` · ${flags.join(", ")}` : ""}`;
   $("counts").setAttribute("aria-label", `counts of ${S.counter}: ${rates}; ${faults} points with faults in view`);
 }
@@ -836,7 +978,12 @@ function drawSky() {
   c.beginPath(); c.arc(cx, cy, radius, 0, 7); c.fill();
   c.strokeStyle = css("--line");
   for (const altitude of [0, 30, 60]) { c.beginPath(); c.arc(cx, cy, (radius * (90 - altitude)) / 90, 0, 7); c.stroke(); }
-  c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.moveTo(cx - radius, cy); c.lineTo(cx + radius, cy); c.stroke();
+  c.beginPath(); c.moveTo(cx - radius, cy); c.lineTo(cx + radius, cy); c.stroke();
+  // The meridian, at which mounts turn over.
+  c.strokeStyle = css("--soft");
+  c.setLineDash([9, 3, 2, 3]);
+  c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.stroke();
+  c.setLineDash([]);
   c.fillStyle = css("--soft");
   c.textAlign = "center"; c.textBaseline = "middle";
   for (const [name, azimuth] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) c.fillText(name, ...place([azimuth, -90 * (0.75 * em) / radius]));
@@ -881,6 +1028,8 @@ function drawSky() {
       /^(Sun|Moon)/.test(bodies[i][0]) ? c.stroke() : c.fill();
     });
     c.lineWidth = 1;
+    // About the Moon no star is taken.
+    if (sky.moon_deg[1] > 0) around(c, place, sky.moon_deg, sky.moon_limit_deg);
     for (const [name, at, r] of bodies) label(name, ...place(at), r + 0.2 * em);
     c.fillStyle = css("--star");
     for (const star of sky.stars) if (star.name && star.v_mag < 1.3) label(star.name, ...place(star.at_deg), 0.4 * em);
@@ -890,11 +1039,18 @@ function drawSky() {
     const last = track.at_s[track.at_s.length - 1];
     const present = track.at_s[0] <= now && now <= last;
     c.strokeStyle = present ? css("--accent") : css("--soft");
-    c.lineWidth = present ? 2.5 : 1;
-    c.beginPath();
-    let before = false;
-    track.at_deg.forEach((at) => { if (at[1] > 0) { before ? c.lineTo(...place(at)) : c.moveTo(...place(at)); before = true; } else before = false; });
-    c.stroke();
+    // A satellite in the Earth's shadow is dotted; a ring stands where the shadow begins or ends.
+    for (let i = 1; i < track.at_deg.length; i++) {
+      const [a, b] = [track.at_deg[i - 1], track.at_deg[i]];
+      if (a[1] <= 0 || b[1] <= 0) continue;
+      const dark = track.lit.length > 0 && !(track.lit[i] && track.lit[i - 1]);
+      c.lineWidth = dark ? 1 : present ? 2.5 : 1;
+      c.setLineDash(dark ? [2, 4] : []);
+      c.beginPath(); c.moveTo(...place(a)); c.lineTo(...place(b)); c.stroke();
+      c.setLineDash([]);
+      if (dark && track.lit[i] !== track.lit[i - 1]) { c.lineWidth = 1.5; c.beginPath(); c.arc(...place(b), 0.3 * em, 0, 7); c.stroke(); }
+    }
+    if (track.lit.length) minuteTicks(c, place, em, track, present || now < last);
   }
   c.lineWidth = 1;
   S.overlay?.({ c, place, em });
@@ -910,6 +1066,57 @@ function drawSky() {
   }
 }
 
+// Dots of a track at each minute, further apart where they would touch; with their times where there is room.
+function minuteTicks(c, place, em, track, told) {
+  const first = track.at_s[0];
+  const last = track.at_s[track.at_s.length - 1];
+  const where = (t) => {
+    const i = track.at_s.findIndex((s) => s >= t);
+    if (i <= 0) return null;
+    const part = (t - track.at_s[i - 1]) / (track.at_s[i] - track.at_s[i - 1]);
+    const [a, b] = [track.at_deg[i - 1], track.at_deg[i]];
+    const turn = ((b[0] - a[0] + 540) % 360) - 180;
+    return [a[0] + part * turn, a[1] + part * (b[1] - a[1])];
+  };
+  const way = track.at_deg.reduce((sum, at, i) => { if (!i) return 0; const [a, b] = [place(track.at_deg[i - 1]), place(at)]; return sum + Math.hypot(a[0] - b[0], a[1] - b[1]); }, 0);
+  const each = [60, 300, 600, 1800, 3600].find((s) => (way * s) / (last - first) > 6) ?? 7200;
+  const phase = S.about.start_unix_ms / 1000;
+  c.fillStyle = css("--ink");
+  let before = null;
+  for (let t = Math.ceil((first + phase) / each) * each - phase; t < last; t += each) {
+    const at = where(t);
+    if (!at || at[1] <= 0) continue;
+    const [x, y] = place(at);
+    c.beginPath(); c.arc(x, y, 1.8, 0, 7); c.fill();
+    if (!told || (before && Math.abs(before[0] - x) < 3 * em && Math.abs(before[1] - y) < em)) continue;
+    before = [x, y];
+    c.fillText(utc(t, 0).slice(0, 5), x + 0.4 * em, y - 0.5 * em);
+  }
+}
+
+// A dashed circle on the sky about a place, as far as it is above the horizon.
+function around(c, place, [azimuth, altitude], radius) {
+  const rad = Math.PI / 180;
+  const vector = ([a, h]) => [Math.cos(h * rad) * Math.sin(a * rad), Math.cos(h * rad) * Math.cos(a * rad), Math.sin(h * rad)];
+  const s = vector([azimuth, altitude]);
+  const e = vector([azimuth + 90, 0]);
+  const n = [s[1] * e[2] - s[2] * e[1], s[2] * e[0] - s[0] * e[2], s[0] * e[1] - s[1] * e[0]];
+  c.setLineDash([6, 4]);
+  c.beginPath();
+  let up = false;
+  for (let i = 0; i <= 180; i++) {
+    const [cos, sin] = [Math.cos(i * 2 * rad), Math.sin(i * 2 * rad)];
+    const v = [0, 1, 2].map((k) => Math.cos(radius * rad) * s[k] + Math.sin(radius * rad) * (cos * e[k] + sin * n[k]));
+    const h = Math.asin(clamp(v[2], -1, 1)) / rad;
+    if (h < 0) { up = false; continue; }
+    const p = place([Math.atan2(v[0], v[1]) / rad, h]);
+    up ? c.lineTo(...p) : c.moveTo(...p);
+    up = true;
+  }
+  c.stroke();
+  c.setLineDash([]);
+}
+
 const loadSky = latest(async (at) => {
   if (S.sky && Math.abs(S.sky.at_s - at) < 1) return;
   try {
@@ -919,6 +1126,7 @@ const loadSky = latest(async (at) => {
     $("sky-text").textContent = error.message;
     return;
   }
+  S.onSky?.();
   if (S.overlay) { redraw("sky"); await new Promise((done) => setTimeout(done, 50)); return; }
   const target = S.sky.target;
   const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
@@ -942,16 +1150,17 @@ function row(...cells) {
 }
 
 function stateAt(device, t) {
-  let state = "not opened";
-  for (const event of S.events) {
-    if (event.at_s > t) break;
-    if (event.kind === "end") state = "ended";
-    else if (event.device !== device) continue;
-    else if (event.kind === "device" || event.kind === "device_back") state = "running";
-    else if (event.kind === "device_lost") state = "lost";
-    else if (event.kind === "device_failed") state = "given up";
+  const at = (name) => S.states[name]?.findLast(([at_s]) => at_s <= t) ?? [-Infinity, "not opened"];
+  const [own, end] = [at(device), at("")];
+  return end[0] >= own[0] && own[0] > -Infinity ? end[1] : own[1];
+}
+const STATES = { device: "running", device_back: "running", device_lost: "lost", device_failed: "given up" };
+// Changes of each device's state; those of the whole session have no name.
+function noteStates(events) {
+  for (const { kind, device, at_s } of events) {
+    const [name, state] = kind === "end" ? ["", "ended"] : [device, STATES[kind]];
+    if (state) (S.states[name] ??= []).push([at_s, state]);
   }
-  return state;
 }
 
 function devices() {
@@ -962,7 +1171,8 @@ function devices() {
       state = live.state; // its error is the alarm at the top
       taken = live.taken;
       now = live.frame ? `${live.frame.mean_adu.toFixed(0)} … ${live.frame.most_adu} ADU` : live.rates_hz.map(([name, rate]) => `${name} ${hertz(rate)}`).join(" ");
-      if (live.refused) now += ` ${live.refused} refused`;
+      if (live.refused) now += `, ${live.refused} refused`;
+      if (live.losses) now += `, lost ${live.losses === 1 ? "once" : `${live.losses} times`}`;
     } else if (!S.live) {
       state = stateAt(device.name, S.t);
       if (device.kind === "camera") now = S.film && S.camera === device.name && S.frame ? `frame ${S.frame.header.number}` : "";
@@ -1013,18 +1223,41 @@ function eventItem(event) {
   li.append(time, text);
   return li;
 }
+// Events of a running night, the last one first.
 function addEvents(events) {
+  if (!events.length) return;
   S.events.push(...events);
-  if (S.live && S.events.length > 2000) S.events.splice(0, S.events.length - 2000);
+  if (S.events.length > SHOWN) S.events.splice(0, S.events.length - SHOWN);
   const list = $("events");
-  if (S.live) list.prepend(...events.map(eventItem).reverse());
-  else list.append(...events.slice(-SHOWN).map(eventItem));
-  while (list.children.length > SHOWN) (S.live ? list.lastChild : list.firstChild).remove();
+  list.prepend(...events.map(eventItem).reverse());
+  while (list.children.length > SHOWN) list.lastChild.remove();
+  const first = S.events[0].number;
+  $("events-more").textContent = first > 1 ? `the ${first - 1} events before these are in the session's log` : "";
+}
+// Events of a recorded session about a time: of a long log as many as can be scrolled.
+function listEvents(from) {
+  S.listed = from;
+  const more = (text, to) => {
+    const li = document.createElement("li");
+    li.className = "more";
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+    button.addEventListener("click", () => { listEvents(to); markEvents(S.t); });
+    li.append(button);
+    return li;
+  };
+  const items = S.events.slice(from, from + SHOWN).map(eventItem);
+  const after = S.events.length - from - items.length;
+  if (from) items.unshift(more(`show earlier ones: ${from}`, Math.max(0, from - SHOWN / 2)));
+  if (after) items.push(more(`show later ones: ${after}`, Math.min(S.events.length - SHOWN, from + SHOWN / 2)));
+  $("events").replaceChildren(...items);
 }
 function markEvents(t) {
-  const list = $("events").children;
-  const first = S.events.length - list.length;
-  for (let i = 0; i < list.length; i++) list[i].classList.toggle("later", S.events[first + i].at_s > t);
+  let [low, high] = [0, S.events.length];
+  while (low < high) { const middle = (low + high) >> 1; S.events[middle].at_s <= t ? (low = middle + 1) : (high = middle); }
+  // The list follows the time, unless a person looks elsewhere in it.
+  if (low !== S.reached && (low <= S.listed || low > S.listed + SHOWN)) listEvents(clamp(low - SHOWN / 2, 0, Math.max(0, S.events.length - SHOWN)));
+  S.reached = low;
+  [...$("events").querySelectorAll("li:not(.more)")].forEach((li, i) => li.classList.toggle("later", S.events[S.listed + i].at_s > t));
 }
 
 function present(t) {
@@ -1109,10 +1342,14 @@ function drawStrip() {
 
 async function chooseCamera(name) {
   S.camera = name;
-  S.frame = S.marks = S.film = null;
+  S.frame = S.marks = S.film = S.cross = null;
+  redraw("image");
   if (!name) return;
   if (!S.live) {
-    S.film = await get(`frames/${part(name)}`);
+    const film = await get(`frames/${part(name)}`);
+    // Another one may have been chosen meanwhile.
+    if (S.camera !== name) return;
+    S.film = film;
     // Before the first frame there is none: show the first.
     const index = Math.max(0, frameAt(S.t));
     if (S.film.start_s.length) loadFrame({ camera: name, of: index });
@@ -1131,6 +1368,12 @@ function options(select, names) {
   select.closest("label").hidden = names.length < 2;
 }
 
+async function loadPredicted() {
+  S.predicted = await get("predicted");
+  $("predicted-label").hidden = !S.predicted.length;
+  redraw("counts");
+}
+
 async function about() {
   S.about = await get("about");
   document.title = `${S.about.name} – sunglint`;
@@ -1139,10 +1382,11 @@ async function about() {
   options($("camera"), names("camera"));
   options($("counter"), names("counter"));
   visits();
-  notice(S.about.warnings.slice(0, 3).join(" · "));
+  warnings(S.about.warnings);
   unitShown();
   get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
-  if (S.about.mode === "recorded" || S.about.mode === "live") get("predicted").then((curves) => { S.predicted = curves; $("predicted-label").hidden = !curves.length; redraw("counts"); }, () => {});
+  if (S.about.mode === "recorded" || S.about.mode === "live") loadPredicted().catch(() => {});
+  clockText(S.about.clock);
   return { camera: names("camera")[0], counter: names("counter")[0] };
 }
 
@@ -1151,12 +1395,21 @@ async function recorded({ camera, counter }) {
   $("film").hidden = false;
   $("span").value = "visit";
   $("slider").max = String(S.about.length_s);
-  const { events } = await get("events");
-  addEvents(events);
+  for (let more = true; more;) {
+    const answer = await get(`events?after=${S.events.at(-1)?.number ?? 0}`);
+    S.events.push(...answer.events);
+    noteStates(answer.events);
+    more = answer.more;
+  }
+  // In the order of time, also where a clock stepped back.
+  S.events.sort((a, b) => a.at_s - b.at_s);
+  listEvents(0);
   await chooseCamera(camera);
   chooseCounter(counter);
-  $("clip").hidden = !token() || !camera;
-  showRework();
+  onToken(() => {
+    $("clip").hidden = !token() || !camera;
+    showRework();
+  });
   const first = S.about.visits.find((v) => v.kind === "star" || v.kind === "satellite");
   seek(first ? Math.min(first.from_s + 1, first.to_s) : 0);
   devices();
@@ -1166,7 +1419,7 @@ async function recorded({ camera, counter }) {
 
 // --- reduction by hand --------------------------------------------------------------------------------------------------
 
-const R = { on: false, visit: null, places: [], refused: new Map(), old: null, now: null, range: null, pointing: false, drag: null };
+const R = { on: false, visit: null, places: [], refused: new Map(), old: null, now: null, range: null, pointing: false, drag: null, mark: null };
 window.sunglint.rework = R;
 
 const choices = () => [...document.querySelectorAll(".choices [data-key]")];
@@ -1201,10 +1454,10 @@ function recipe() {
 }
 
 // A reduction may take minutes: it can be ended.
-async function reduction(wanted) {
+async function reduction(wanted, path = "reduction", as = "json") {
   const shown = setTimeout(() => { $("rework-cancel").hidden = false; }, 500);
   try {
-    return await (await ask("reduction", wanted, 3600000)).json();
+    return await ask(path, wanted, { patience_ms: 3600000, as });
   } finally {
     clearTimeout(shown);
     $("rework-cancel").hidden = true;
@@ -1315,10 +1568,26 @@ function refuse() {
   redraw("curve");
 }
 
-function pointAt(event) {
+// A stretch of the curve by a key: it begins at the frame that is shown, and ends at the one that is shown at the second press.
+function markStretch() {
+  if (presentFrame() === null) { notice("this frame is not of the visit that is reduced"); return; }
+  const { start_s, exposure_s } = S.frame.header;
+  if (R.mark) {
+    R.range = [Math.min(R.mark[0], start_s), Math.max(R.mark[1], start_s + exposure_s)];
+    R.mark = null;
+    notice("");
+  } else {
+    [R.mark, R.range] = [[start_s, start_s + exposure_s], null];
+    notice("a stretch begins at this frame: go to its last frame, then press m again");
+  }
+  byHandText();
+  redraw("curve");
+}
+
+function pointAt(at) {
   const frame = presentFrame();
   if (frame === null) { notice("this frame is not of the visit that is reduced"); return; }
-  const place = pixelUnder(event).map((v) => Math.round((v - 0.5) * 100) / 100);
+  const place = at.map((v) => Math.round((v - 0.5) * 100) / 100);
   R.places = R.places.filter((p) => p.frame !== frame || p.camera !== S.camera);
   R.places.push({ camera: S.camera, frame, place_px: place });
   R.places.sort((a, b) => a.frame - b.frame);
@@ -1326,10 +1595,13 @@ function pointAt(event) {
   reduceSoon();
 }
 function pointing(on) {
+  if (on === R.pointing) return;
   R.pointing = on;
   $("point").setAttribute("aria-pressed", String(on));
-  if (on) notice("click on the target in the image");
-  else if ($("notice").textContent === "click on the target in the image") notice("");
+  const text = "click on the target in the image";
+  if (on) askPlace(text);
+  else if ($("notice").textContent.startsWith(text)) notice("");
+  redraw("image");
 }
 
 async function beginRework() {
@@ -1337,7 +1609,7 @@ async function beginRework() {
   if (!visit) return;
   clearTimeout(reducing);
   $("rework-body").hidden = true;
-  Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null });
+  Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null, mark: null });
   for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
   pointing(false);
   if (S.t < visit.from_s || S.t >= visit.to_s) seek(Math.min(visit.from_s + 1, visit.to_s));
@@ -1371,7 +1643,7 @@ async function saveRecipe(event) {
   const replace = saveRecipe.again === name;
   saveRecipe.again = "";
   try {
-    const saved = await (await ask("recipes", { name, recipe: wanted, replace })).json();
+    const saved = await ask("recipes", { name, recipe: wanted, replace });
     $("saved-text").textContent = `saved as ${saved.file}; the same curve again: ${saved.repeat}`;
     recipes();
   } catch (error) {
@@ -1410,7 +1682,7 @@ async function curveFile() {
   const wanted = recipe();
   if (!wanted) return;
   try {
-    download(await (await ask("reduction.ecsv", wanted, 120000)).blob(), `${$("recipe-name").value.trim() || "curve"}.ecsv`);
+    download(await reduction(wanted, "reduction.ecsv", "blob"), `${$("recipe-name").value.trim() || "curve"}.ecsv`);
   } catch (error) { complain(error); }
 }
 
@@ -1484,6 +1756,19 @@ function drawCurve() {
       else { c.beginPath(); c.arc(px, py, size, 0, 7); c.fill(); }
     });
   });
+  // Where the target was in the fibre's field: a strip at the top. Elsewhere the gate is shut, and counts do not count.
+  const gated = R.now.flag_names.find(([, flag]) => flag === "off_axis")?.[0] ?? 0;
+  const gates = both[1]?.unit === "Hz" ? both[1] : null;
+  if (gates) {
+    c.fillStyle = css("--soft");
+    c.fillText(gates.flags.every((flags) => flags & gated) ? "gate: always shut" : "gate", 0.4 * em, box.t - 0.25 * em);
+    c.fillStyle = css("--good");
+    gates.time_s.forEach((t, i) => {
+      if (gates.flags[i] & gated) return;
+      const next = gates.time_s[i + 1];
+      c.fillRect(x(t), box.t - 0.45 * em, Math.max(1.5, next - t < 5 ? x(next) - x(t) : 0), 0.3 * em);
+    });
+  }
   // Refused frames: a cross at the bottom.
   c.strokeStyle = css("--bad");
   const half = (S.about.devices.find((d) => d.name === S.camera)?.exposure_s ?? 0) / 2;
@@ -1493,7 +1778,7 @@ function drawCurve() {
     const px = x(S.film.start_s[i] + half);
     c.beginPath(); c.moveTo(px - 3, box.b - 9); c.lineTo(px + 3, box.b - 3); c.moveTo(px + 3, box.b - 9); c.lineTo(px - 3, box.b - 3); c.stroke();
   });
-  const chosen = R.drag ?? R.range;
+  const chosen = R.drag ?? R.range ?? (R.mark && [Math.min(R.mark[0], S.t), Math.max(R.mark[1], S.t)]);
   if (chosen) {
     c.globalAlpha = 0.2;
     c.fillStyle = css("--accent");
@@ -1510,7 +1795,7 @@ function drawCurve() {
 function reworkedPlace() {
   const curve = R.now;
   const f = S.frame;
-  if (!R.on || !curve || !f) return null;
+  if (!R.on || !curve || !f || S.camera !== S.about.station_camera) return null;
   const { start_s, exposure_s, origin_px, binning } = f.header;
   const i = curve.track_s.findIndex((t) => t >= start_s && t <= start_s + exposure_s);
   const sensor = S.about.sensor_px;
@@ -1527,7 +1812,7 @@ function wireRework() {
   $("refuse").addEventListener("click", refuse);
   $("usual").addEventListener("click", () => {
     for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
-    Object.assign(R, { places: [], refused: new Map(), range: null });
+    Object.assign(R, { places: [], refused: new Map(), range: null, mark: null });
     reduceSoon();
   });
   $("save-form").addEventListener("submit", (event) => saveRecipe(event).catch(complain));
@@ -1590,7 +1875,7 @@ async function saveClip(event) {
   if (!clip) { clipText(); return; }
   $("clip-text").textContent = "the clip is being made";
   try {
-    const blob = await (await ask("clip", clip.wish, 600000)).blob();
+    const blob = await ask("clip", clip.wish, { patience_ms: 600000, as: "blob" });
     S.saved = { name: "clip.png", blob };
     download(blob, `${fileName(S.about.name)}-${clip.wish.from}-${clip.wish.to}.png`);
     $("clip-text").textContent = `${clip.frames} frames, ${(blob.size * 1e-6).toFixed(2)} MB`;
@@ -1619,13 +1904,8 @@ const KEEP = 6000;
 function take(view) {
   const again = S.live && S.live.run !== view.run;
   S.live = view;
-  if (again) {
-    S.seen = { events: 0, counts: {} };
-    S.counts = {};
-    S.events = [];
-    $("events").replaceChildren();
-    throw "again";
-  }
+  S.anew ||= again;
+  if (S.anew) return;
   addEvents(view.events);
   if (view.events.length) S.seen.events = view.events[view.events.length - 1].number;
   let missed = view.events_missed;
@@ -1650,33 +1930,86 @@ function take(view) {
   if (view.events.some((e) => e.kind === "target" || e.kind === "control")) schedule();
 }
 
+// The program was started again: this is another night, of which nothing is known yet.
+async function newNight() {
+  const away = S.since ? `, ${span((Date.now() - S.since) / 1000)} after this page last heard of the other one` : "";
+  Object.assign(S, { seen: { events: 0, counts: {} }, counts: {}, history: {}, looks: null, events: [], sky: null, tracks: [], lag: {}, view: null });
+  $("looks-box").hidden = true;
+  M.trail = [];
+  mountMode(null);
+  $("events").replaceChildren();
+  $("events-more").textContent = "";
+  const chosen = await about();
+  await chooseCamera(chosen.camera);
+  chooseCounter(chosen.counter);
+  S.since = Date.now();
+  S.anew = false;
+  notice(`the program was started again${away}: this is the new night${token() ? "" : ". To steer it, open the address that its start printed"}`);
+}
+
 const schedule = latest(async () => {
   const { visits: list } = await get("about");
   S.about.visits = list;
   visits();
   S.tracks = await get("tracks");
+  await loadPredicted();
 });
 
-let ringing = "";
-function alarms(view) {
+// Alarms: of each kind and device when it was last there, and those that were told, the last ones.
+const A = { seen: new Map(), told: [], full: false, silent: false, audio: null, beeps: 0 };
+window.sunglint.alarms = A;
+// An alarm that was away for less than this is the same one: a device that comes and goes rings once, ms.
+const SAME = 60000;
+// Each with what it is, which stays, and its text, whose numbers change.
+function alarmsOf(view) {
   const all = [];
-  for (const [name, device] of Object.entries(view.devices)) if (device.error) all.push(`${name} ${device.state === "failed" ? "was given up" : "is lost"}: ${device.error}`);
-  if (view.disk_error) all.push(view.disk_error);
-  if (view.not_written) all.push(`${view.not_written} rows or frames are not written`);
-  if (view.bytes_per_s && view.free_bytes / view.bytes_per_s < 3600) all.push(`the disk is full in ${span(view.free_bytes / view.bytes_per_s)}`);
-  const text = all.join(" · ");
-  $("alarm").textContent = text;
+  for (const [name, device] of Object.entries(view?.devices ?? {})) if (device.error) all.push([`${device.state} ${name}`, `${name} ${device.state === "failed" ? "was given up" : "is lost"}: ${device.error}`]);
+  if (view?.disk_error) all.push(["disk", view.disk_error]);
+  if (view?.not_written) all.push(["not written", `${view.not_written} rows or frames are not written`]);
+  const left_s = view?.bytes_per_s ? view.free_bytes / view.bytes_per_s : Infinity;
+  // Once told it stays until there is clearly more room.
+  A.full = left_s < (A.full ? 4500 : 3600);
+  if (A.full) all.push(["full", `the disk is full in ${span(left_s)}`]);
+  if (A.silent) all.push(["silent", `the program has not answered since ${new Date(S.since).toISOString().slice(11, 19)} UTC: look after it`]);
+  return all;
+}
+function alarms() {
+  const all = alarmsOf(S.live);
+  const now = Date.now();
+  const fresh = all.filter(([key]) => !(now - A.seen.get(key) < SAME));
+  for (const [key] of all) A.seen.set(key, now);
+  const text = all.map(([, said]) => said).join(" · ");
+  if ($("alarm").textContent !== text) $("alarm").textContent = text;
   $("alarm").hidden = !text;
-  if (text && text !== ringing && $("sound").checked) beep();
-  ringing = text;
+  if (!all.length) $("alarm-said").textContent = "";
+  if (!fresh.length) return;
+  // What is read aloud is what is new, once.
+  $("alarm-said").textContent = fresh.map(([, said]) => said).join(" · ");
+  A.told.push(...fresh.map(([key]) => key));
+  A.told.splice(0, A.told.length - 100);
+  if ($("sound").checked) beep();
 }
 function beep() {
-  const audio = new AudioContext();
-  const tone = audio.createOscillator();
+  A.beeps++;
+  A.audio ??= new AudioContext();
+  // A page that nobody has touched may not sound yet.
+  A.audio.resume();
+  const tone = A.audio.createOscillator();
   tone.frequency.value = 880;
-  tone.connect(audio.destination);
+  tone.connect(A.audio.destination);
   tone.start();
-  tone.stop(audio.currentTime + 0.4);
+  tone.stop(A.audio.currentTime + 0.4);
+}
+function wireSound() {
+  $("sound").checked = localStorage.getItem("sunglint-sound") === "yes";
+  $("sound").addEventListener("change", () => {
+    localStorage.setItem("sunglint-sound", $("sound").checked ? "yes" : "no");
+    // So that it is heard what an alarm is like, and the browser lets it sound later.
+    if ($("sound").checked) beep();
+  });
+  // After the page was loaded again the browser waits for a touch.
+  const touched = () => { if ($("sound").checked) { A.audio ??= new AudioContext(); A.audio.resume(); } };
+  for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, touched, { once: true });
 }
 
 function showLive(view) {
@@ -1685,10 +2018,13 @@ function showLive(view) {
   present(view.now_s);
   devices();
   markVisits(view.now_s);
-  alarms(view);
+  alarms();
+  clockText(view.clock);
+  if (S.camera) loadLooks(S.camera);
   const free = view.free_bytes === null ? "" : `disk: ${(view.free_bytes * 1e-9).toFixed(1)} GB free`;
   const fills = view.bytes_per_s ? `, full in ${span(view.free_bytes / view.bytes_per_s)} at this rate` : "";
-  $("disk").textContent = free + fills;
+  const dropped = view.dropped ? `; ${view.dropped} bunches of bins or events did not reach the page (the session has them)` : "";
+  $("disk").textContent = free + fills + dropped;
   $("pause").textContent = view.paused ? "Resume" : "Pause";
   for (const id of ["pause", "skip", "repeat"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
   $("stop").disabled = Boolean(view.ended);
@@ -1699,24 +2035,29 @@ function showLive(view) {
   if (frame && frame.start_s !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.start_s });
   else frameText();
   if (!S.sky || Math.abs(S.sky.at_s - view.now_s) > 5) loadSky(view.now_s);
-  redraw("counts");
+  // The whole night has many points: once a second is enough.
+  if (!S.wideAt || performance.now() - S.wideAt > 1000) redraw("counts");
 }
 
 async function live() {
-  $("steer").hidden = !token();
-  $("note-form").hidden = !token();
-  $("expose-form").hidden = !token() || !S.camera;
+  onToken(() => {
+    $("steer").hidden = !token();
+    $("note-form").hidden = !token();
+    $("expose-form").hidden = !token() || !S.camera;
+    if (!token()) mountMode(null);
+  });
   $("sound-label").hidden = false;
   document.body.classList.add("live");
   $("span").value = "60";
-  let failed = 0;
+  S.since = Date.now();
+  let [failed, failing] = [0, 0];
   for (;;) {
     const begun = performance.now();
     try {
       const query = new URLSearchParams({ events: String(S.seen.events) });
       for (const [name, number] of Object.entries(S.seen.counts)) query.set(`c.${name}`, String(number));
       const view = await get(`live?${query}`);
-      if (failed) { failed = 0; notice(""); }
+      if (failed) { failed = 0; A.silent = false; notice(""); }
       if (S.live?.waiting && !view.waiting && !view.ended && S.live.run === view.run) {
         // What was shown was the plan; now it is the night, which begins at another time.
         const chosen = await about();
@@ -1724,25 +2065,32 @@ async function live() {
         await chooseCamera(chosen.camera);
         chooseCounter(chosen.counter);
       }
-      try {
-        take(view);
-      } catch (again) {
-        if (again !== "again") throw again;
-        const chosen = await about();
-        notice("the program was started again: this is the new night");
-        await chooseCamera(chosen.camera);
-        chooseCounter(chosen.counter);
+      take(view);
+      if (S.anew) {
+        await newNight();
         continue;
       }
       showLive(view);
       root.dataset.ready = "yes";
       if (view.ended) failed = 0;
     } catch (error) {
-      failed++;
+      // The token was of another start: without it this page goes on and shows what it may.
+      if (error.status === 401) {
+        $("mode").textContent = "no token";
+        $("mode").className = "badge bad";
+        complain(error);
+        await wakened(error);
+        continue;
+      }
+      if (!failed++) failing = performance.now();
       $("mode").textContent = S.live?.ended ? `ended: ${S.live.ended}` : "no connection";
       $("mode").className = "badge bad";
       // An ended night's program is gone: nothing is wrong.
-      if (!S.live?.ended) complain(error);
+      if (!S.live?.ended) {
+        complain(error);
+        A.silent ||= error instanceof Silent && performance.now() - failing > 3000;
+        alarms();
+      }
     }
     const pause = failed ? Math.min(1000, 200 * failed) : document.hidden ? 1000 : 100;
     await new Promise((done) => setTimeout(done, Math.max(0, pause - (performance.now() - begun))));
@@ -1751,7 +2099,7 @@ async function live() {
 
 async function steer(action, text = "", more = {}) {
   try {
-    const { done } = await (await ask("control", { action, text, ...more })).json();
+    const { done } = await ask("control", { action, text, ...more });
     notice(done);
     return true;
   } catch (error) {
@@ -1769,22 +2117,22 @@ function mountOf(view) {
   return Object.entries(view?.devices ?? {}).find(([, device]) => device.mount);
 }
 function mountMode(mode) {
+  if (mode === M.mode) return;
   M.mode = mode;
   $("mount-lock").setAttribute("aria-pressed", String(mode === "lock"));
   $("mount-keep").setAttribute("aria-pressed", String(mode === "keep"));
-  if (mode === "lock") notice("click the target in the image: the mount follows this light from then on");
-  if (mode === "keep") notice("click the place in the image at which targets are to be kept");
+  if (mode === "lock") askPlace("click the target in the image: the mount follows this light from then on");
+  if (mode === "keep") askPlace("click the place in the image at which targets are to be kept");
+  redraw("image");
 }
-M.click = (event) => {
-  if (!M.mode) return;
+function mountPlace([x, y]) {
   const h = S.frame.header;
-  const [x, y] = pixelUnder(event);
   const place_px = [x - 0.5, y - 0.5];
   if (place_px.some((v, k) => v < -0.5 || v > h.size_px[k] - 0.5)) { notice("that place lies outside of the frame"); return; }
   const action = M.mode;
   mountMode(null);
   steer(action, "", { camera: S.camera, start_s: h.start_s, place_px });
-};
+}
 
 function showMount(view) {
   const [name, device] = mountOf(view) ?? [];
@@ -1843,31 +2191,86 @@ function drawMount({ c, place, em }) {
   }
   const [sun, limit] = [S.sky?.sun_deg, S.about.sun_limit_deg];
   if (!sun || !limit || sun[1] < -limit) return;
-  const rad = Math.PI / 180;
-  const vector = ([a, h]) => [Math.cos(h * rad) * Math.sin(a * rad), Math.cos(h * rad) * Math.cos(a * rad), Math.sin(h * rad)];
-  const s = vector(sun);
-  const e = vector([sun[0] + 90, 0]);
-  const n = [s[1] * e[2] - s[2] * e[1], s[2] * e[0] - s[0] * e[2], s[0] * e[1] - s[1] * e[0]];
   c.strokeStyle = css("--warn");
-  c.setLineDash([6, 4]);
-  c.beginPath();
-  let up = false;
-  for (let i = 0; i <= 180; i++) {
-    const [cos, sin] = [Math.cos(i * 2 * rad), Math.sin(i * 2 * rad)];
-    const v = [0, 1, 2].map((k) => Math.cos(limit * rad) * s[k] + Math.sin(limit * rad) * (cos * e[k] + sin * n[k]));
-    const h = Math.asin(clamp(v[2], -1, 1)) / rad;
-    if (h < 0) { up = false; continue; }
-    const p = place([Math.atan2(v[0], v[1]) / rad, h]);
-    up ? c.lineTo(...p) : c.moveTo(...p);
-    up = true;
+  around(c, place, sun, limit);
+}
+
+// --- focus and background -----------------------------------------------------------------------------------------------
+
+const loadLooks = latest(async (camera) => {
+  const have = S.looks?.camera === camera ? S.looks : { camera, start_s: [], fwhm_px: [], background_adu: [] };
+  const come = await get(`looks/${part(camera)}?after_s=${have.start_s.at(-1) ?? -1e9}`);
+  if (camera !== S.camera) return;
+  for (const key of ["start_s", "fwhm_px", "background_adu"]) {
+    for (const value of come[key]) have[key].push(value);
+    have[key].splice(0, have[key].length - 7200);
   }
-  c.stroke();
-  c.setLineDash([]);
+  S.looks = have;
+  $("looks-box").hidden = have.start_s.length < 2 || [...have.fwhm_px, ...have.background_adu].every((v) => v === null);
+  redraw("looks");
+  await new Promise((done) => setTimeout(done, 1000));
+});
+
+// Width of the target and background of a pixel over the time, each in its strip.
+function drawLooks() {
+  const canvas = $("looks");
+  const looks = S.looks;
+  if (!S.live || !looks || $("looks-box").hidden) return;
+  const { c, w, h, em } = fit(canvas);
+  const [from, to] = [Math.max(looks.start_s[0], S.live.now_s - 3600), Math.max(S.live.now_s, looks.start_s[0] + 60)];
+  const left = 9.5 * em;
+  const x = (t) => left + ((t - from) / (to - from)) * (w - left - 0.4 * em);
+  const said = [];
+  [["fwhm_px", "width", "px", 2], ["background_adu", "background", "ADU", 0]].forEach(([key, name, unit, digits], k) => {
+    const [top, bottom] = [(k * h) / 2 + 0.3 * em, ((k + 1) * h) / 2 - 0.3 * em];
+    const values = looks[key].filter((v, i) => v !== null && looks.start_s[i] >= from);
+    // The middle nine tenths: a frame with a satellite's flare must not flatten the rest.
+    const sorted = [...values].sort((a, b) => a - b);
+    const at = (q) => sorted[Math.round(q * (sorted.length - 1))] ?? 0;
+    const room = Math.max(0.1 * (at(0.95) - at(0.05)), digits ? 0.1 : 1);
+    const [low, high] = [at(0.05) - room, at(0.95) + room];
+    const y = (v) => bottom - clamp((v - low) / (high - low), 0, 1) * (bottom - top);
+    const last = looks[key].findLast((v) => v !== null);
+    const text = `${name} ${last === undefined ? "–" : last.toFixed(digits)} ${unit}`;
+    said.push(`${text} (${at(0.05).toFixed(digits)} to ${at(0.95).toFixed(digits)})`);
+    c.fillStyle = css("--soft");
+    c.textBaseline = "middle";
+    c.fillText(text, 0.2 * em, (top + bottom) / 2);
+    c.strokeStyle = css("--line");
+    c.lineWidth = 1;
+    c.beginPath(); c.moveTo(left, bottom); c.lineTo(w - 0.4 * em, bottom); c.stroke();
+    c.strokeStyle = css(k ? "--soft" : "--accent");
+    c.lineWidth = 1.5;
+    c.beginPath();
+    let before = false;
+    looks[key].forEach((v, i) => {
+      if (v === null || looks.start_s[i] < from) { before = false; return; }
+      const p = [x(looks.start_s[i]), y(v)];
+      before ? c.lineTo(...p) : c.moveTo(...p);
+      before = true;
+    });
+    c.stroke();
+  });
+  canvas.setAttribute("aria-label", `focus and background over ${span(to - from)}: ${said.join(", ")}`);
+}
+
+// How well the computer knows the time.
+function clockText(clock) {
+  $("clock-health").hidden = !clock;
+  if (!clock) return;
+  const { method, synchronised, offset_s, error_s } = clock;
+  const how = synchronised === true ? "follows UTC" : synchronised === false ? "does not follow UTC" : "not known whether it follows UTC";
+  const ms = (s) => `${(1000 * s).toPrecision(2)} ms`;
+  const parts = [`clock: ${how}${method === "none" ? "" : `, by ${method}`}`];
+  if (offset_s !== undefined) parts.push(`${offset_s < 0 ? "" : "+"}${ms(offset_s)} from it`);
+  if (error_s !== undefined) parts.push(`wrong by ${ms(error_s)} at most`);
+  $("clock-health").textContent = parts.join(", ");
+  $("clock-health").classList.toggle("warn", synchronised !== true);
 }
 
 // --- the person ---------------------------------------------------------------------------------------------------------
 
-const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip, curve: drawCurve };
+const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), looks: drawLooks, strip: drawStrip, curve: drawCurve };
 
 function wire() {
   $("theme").value = localStorage.getItem("sunglint-theme") ?? "auto";
@@ -1878,9 +2281,10 @@ function wire() {
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));
-  $("image").addEventListener("click", (event) => { if (!S.frame) return; if (R.pointing) pointAt(event); else if (S.live) M.click(event); });
+  $("image").addEventListener("click", (event) => { if (S.frame) placing()?.(pixelUnder(event)); });
+  $("image").addEventListener("keydown", crossKey);
   wireRework();
-  $("image").addEventListener("pointermove", readPixel);
+  $("image").addEventListener("pointermove", (event) => { if (S.frame) readPixel(pixelUnder(event)); });
   $("image").addEventListener("pointerleave", () => { $("pixel").textContent = "\u00a0"; });
   $("image").addEventListener("dblclick", (event) => S.frame && zoom(2, pixelUnder(event)));
   $("image").addEventListener("wheel", (event) => { if (S.frame && event.ctrlKey) { event.preventDefault(); zoom(event.deltaY < 0 ? 1.25 : 0.8, pixelUnder(event)); } }, { passive: false });
@@ -1907,6 +2311,7 @@ function wire() {
   $("skip").addEventListener("click", () => steer("skip"));
   $("repeat").addEventListener("click", () => steer("repeat"));
   wireMount();
+  wireSound();
   $("start").addEventListener("click", () => steer("start"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
@@ -1930,7 +2335,7 @@ function wire() {
     if (event.target.matches("input[type=text], select")) return;
     const film = S.about.mode === "recorded";
     const onSlider = event.target === $("slider");
-    const onButton = event.target.matches("button, input[type=checkbox]");
+    const onButton = event.target.matches("button, input[type=checkbox], summary");
     const visitStart = (by) => {
       const list = S.about.visits;
       const next = by > 0 ? list.find((v) => v.from_s > S.t + 0.01) : list.findLast((v) => v.from_s < S.t - 1);
@@ -1946,10 +2351,11 @@ function wire() {
       "]": film && (() => visitStart(1)),
       "+": () => zoom(2), "-": () => zoom(0.5), 0: () => zoom(0),
       x: film && R.on && refuse,
+      m: film && R.on && markStretch,
       s: () => { $("stretch").selectedIndex = ($("stretch").selectedIndex + 1) % 3; $("stretch").dispatchEvent(new Event("change")); },
       r: () => { const now = $("theme").value; $("theme").value = now === "red" ? (wire.before ?? "auto") : "red"; if (now !== "red") wire.before = now; $("theme").dispatchEvent(new Event("change")); },
       "?": help,
-      Escape: M.mode && (() => { mountMode(null); notice(""); }),
+      Escape: (placing() || R.mark) && (() => { pointing(false); mountMode(null); R.mark = null; notice(""); redraw("curve"); }),
     }[event.key];
     if (!act) return;
     event.preventDefault();
@@ -1963,11 +2369,13 @@ async function begin() {
   for (;;) {
     try {
       const chosen = await about();
+      notice("");
       S.live = S.about.mode === "live" ? S.live : null;
       if (S.about.mode === "live") {
         S.camera = chosen.camera;
         S.counter = chosen.counter;
         S.live = await get("live");
+        notice("");
         S.live.counts = {};
         legend();
         await live();
@@ -1979,10 +2387,11 @@ async function begin() {
       // The night has not begun, or the program is not there yet.
       $("mode").textContent = error.status === 401 ? "no token" : "waiting";
       complain(error);
+      await wakened(error);
       await new Promise((done) => setTimeout(done, 1000));
     }
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc };
+export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, onToken, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc, wakened, warnings };
 begin();

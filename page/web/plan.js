@@ -1,5 +1,5 @@
 // A night that is planned by hand: passes and stars, picked on the sky or from the list, in an order; saved as NIGHT.toml.
-import { $, S, Refused, ask, clamp, complain, css, get, latest, loadSky, notice, redraw, row, span, theme, token, utc } from "./page.js";
+import { $, S, Refused, ask, clamp, complain, css, latest, loadSky, onToken, redraw, row, span, theme, token, utc } from "./page.js";
 
 const P = { picks: [], chosen: null, plan: null, saved: null };
 window.sunglint.planning = P;
@@ -128,7 +128,7 @@ function choose(n) {
 
 const plan = latest(async (picks) => {
   try {
-    P.plan = await (await ask("plan", { picks })).json();
+    P.plan = await ask("plan", { picks });
     $("plan-why").textContent = [...P.plan.warnings, ...P.plan.left_out.map((what) => `left out: ${what}`)].join(" · ");
     $("plan-save").disabled = false;
   } catch (error) {
@@ -175,9 +175,32 @@ function list() {
 }
 const root = () => { document.documentElement.dataset.planned = String(P.picks.length); };
 
+// Stars that are up at the time that is shown, the brightest first: whoever has no pointer picks them here.
+let starsOf = "";
+function listStars() {
+  // Those that stand above what is about the station.
+  const free = ({ at_deg: [azimuth, altitude] }) => altitude > S.sky.horizon_deg[Math.round(azimuth / 10) % 36];
+  const stars = (S.sky?.stars ?? []).filter(free).sort((a, b) => a.v_mag - b.v_mag);
+  const key = `${S.sky?.at_s} ${Boolean(token())}`;
+  if (key === starsOf) return;
+  starsOf = key;
+  $("stars").tBodies[0].replaceChildren(...stars.map((star) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: star.plan_name });
+    button.setAttribute("aria-label", `add ${star.plan_name}`);
+    button.addEventListener("click", () => add({ star: star.plan_name }));
+    return row(token() ? button : star.plan_name, `${Math.round(star.at_deg[1])}°`, `${Math.round(star.at_deg[0])}°`, star.v_mag.toFixed(1));
+  }));
+}
+// Not while the time is being moved: a list that changes under the hand helps nobody.
+let starsAt = 0;
+function listStarsSoon() {
+  clearTimeout(starsAt);
+  starsAt = setTimeout(listStars, 250);
+}
+
 async function save() {
   try {
-    const saved = await (await ask("save", { picks: P.picks }, 60000)).json();
+    const saved = await ask("save", { picks: P.picks }, { patience_ms: 60000 });
     P.saved = saved;
     const lines = [`saved: ${saved.files.join(", ")}`, saved.errors ? `the check finds ${saved.errors} error${saved.errors > 1 ? "s" : ""}` : "the check finds no error"];
     lines.push(...saved.check.findings.filter((f) => f.level === "error" || f.level === "warning").map((f) => `${f.level}: ${f.about}: ${f.text}`));
@@ -202,6 +225,7 @@ export async function planning() {
   $("target").textContent = `night at ${S.about.station}`;
   $("next").textContent = "";
   S.overlay = overlay;
+  S.onSky = listStarsSoon;
   S.tracks = [];
   $("plan-time").max = String(S.about.length_s);
   $("plan-time").addEventListener("input", () => seek(Number($("plan-time").value)));
@@ -224,10 +248,12 @@ export async function planning() {
   $("pass-add").addEventListener("click", () => add({ pass: P.chosen }));
   $("plan-clear").addEventListener("click", () => { P.picks = []; changed(); });
   $("plan-save").addEventListener("click", save);
-  for (const id of ["pass-add", "plan-save", "plan-clear"]) $(id).hidden = !token();
-  notice(S.about.warnings.slice(0, 3).join(" · "));
-  if (!token()) { list(); $("plan-why").textContent = "open the whole address that the start printed to make a plan"; }
-  else changed();
+  onToken(() => {
+    for (const id of ["pass-add", "plan-save", "plan-clear"]) $(id).hidden = !token();
+    if (token()) changed();
+    else { list(); $("plan-why").textContent = "open the whole address that the start printed to make a plan"; }
+    listStarsSoon();
+  });
   const first = S.about.passes[0];
   seek(first ? first.from_s : S.about.length_s / 2);
   document.documentElement.dataset.ready = "yes";
