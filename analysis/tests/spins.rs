@@ -8,7 +8,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_analysis::series::Series;
-use sunglint_analysis::spin::{SpinOptions, SpinPass, find_spin};
+use sunglint_analysis::spin::{Interval, NoSpin, SpinOptions, SpinPass, by_pass, find_spin};
 use sunglint_analysis::synodic::Bisectors;
 use sunglint_testkit::Campaign;
 
@@ -189,41 +189,136 @@ fn tumbler(seed: u64) -> Tumbler {
 }
 
 const COLUMNS: [&str; 12] = [
-    "period_s", "drift", "passes", "answer", "share", "relative", "half_width", "held", "drift_held",
-    "sense", "sense_right", "cpu_s",
+    "period_s",
+    "drift",
+    "passes",
+    "answer",
+    "share",
+    "relative",
+    "half_width",
+    "held",
+    "drift_held",
+    "sense",
+    "sense_right",
+    "cpu_s",
 ];
 
-/// Truth: the spin that was put in. 
+/// Truth: the spin that was put in: periods of 2 to 120 s, drifts of up to 1e-3 a day, axes all over the sky, 3 to 20 passes in thirty days, a zero point free in each, noise of 0.02 to 0.14 mag.
+/// Tolerance: of those with one answer at most 1 % are off by more than 5 % (another number of repetitions), and nine of ten intervals hold period and drift; the issue of 95 % is in the figures.
 #[test]
 fn campaign_tumbling_stages() {
-    let mut campaign = Campaign::in_shards("tumbling_stages", 300, 2, &COLUMNS);
+    let mut campaign = Campaign::in_shards("tumbling_stages", 300, 3, &COLUMNS);
     for seed in campaign.seeds() {
-        let body = tumbler(seed);
-        let before = sunglint_testkit::cpu_s();
-        let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
-        let cpu = sunglint_testkit::cpu_s() - before;
-        let truth = body.period_s / (1.0 - body.drift * found.epoch_s / DAY_S);
-        let mut row = [body.period_s, body.drift, body.passes.len() as f64, 2.0, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN, cpu];
-        for spin in &found.spins {
-            eprintln!(
-                "   {} a turn: share {:.3}, {:.6} ({:.6}..{:.6}) of {truth:.6}: {:+.1e}; drift {:.2e} ({:.2e}..{:.2e}) of {:.2e}; axis within {:.1}, off {:.1}, sense {:.4}, slip {:.4}",
-                spin.repeats, spin.share, spin.period_s.value, spin.period_s.from, spin.period_s.to, spin.period_s.value / truth - 1.0,
-                spin.drift_per_day.value, spin.drift_per_day.from, spin.drift_per_day.to, body.drift,
-                spin.axis_within_deg, spin.axis.angle_between(body.axis).to_degrees(), spin.sense, spin.slip_turns
-            );
-        }
-        if let Some(best) = found.spins.first() {
-            let within = |i: sunglint_analysis::spin::Interval, x: f64| f64::from(u8::from((i.from..=i.to).contains(&x)));
-            row[3] = if found.only().is_some() { 0.0 } else { 1.0 };
-            row[4] = best.share;
-            row[5] = best.period_s.value / truth - 1.0;
-            row[6] = 0.5 * (best.period_s.to - best.period_s.from) / truth;
-            row[7] = within(best.period_s, truth);
-            row[8] = within(best.drift_per_day, body.drift);
-            row[9] = best.sense;
-            row[10] = f64::from(u8::from(best.axis.dot(body.axis) > 0.0));
-        }
-        eprintln!("seed {seed}: {:.3} s, {} passes: answer {} share {:.3} off {:.1e} ± {:.1e}, held {} drift {} sense {:.3} right {}; {:?}; {cpu:.1} s", body.period_s, body.passes.len(), row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], found.refused);
+        let row = asked(seed);
+        println!("seed {seed}: {row:.3?}");
         campaign.keep(seed, &row);
     }
+    let columns = COLUMNS.map(|name| campaign.column(name));
+    let [_, _, _, answer, _, off, _, held, drift_held, sense, right, _] = &columns;
+    let n = answer.len();
+    let number = |wanted: &dyn Fn(usize) -> bool| (0..n).filter(|k| wanted(*k)).count() as f64;
+    let only = |k: usize| answer[k] == 0.0;
+    let wrong = number(&|k| only(k) && off[k].abs() > 0.05);
+    let outside = number(&|k| only(k) && held[k] == 0.0);
+    let drift_outside = number(&|k| only(k) && drift_held[k] == 0.0);
+    let known = number(&|k| only(k) && sense[k] >= 0.99);
+    let wrong_sense = number(&|k| only(k) && sense[k] >= 0.99 && right[k] == 0.0);
+    let ones = number(&only);
+    println!(
+        "{n} bodies: {ones} with one answer, {} with two, {} refused; of the ones {wrong} are another period, {outside} periods and {drift_outside} drifts outside their intervals; sense told of {known}, wrong of {wrong_sense}",
+        number(&|k| answer[k] == 1.0),
+        number(&|k| answer[k] == 2.0),
+    );
+    let whole = campaign.is_whole();
+    campaign.largest("one_answer", ones);
+    campaign.largest("another_period", wrong);
+    campaign.largest("period_outside", outside);
+    campaign.largest("drift_outside", drift_outside);
+    campaign.largest("sense_told", known);
+    campaign.largest("sense_wrong", wrong_sense);
+    campaign.finish();
+    if whole {
+        assert!(wrong <= 0.01 * ones && outside <= 0.1 * ones && drift_outside <= 0.1 * ones);
+    }
+}
+
+fn asked(seed: u64) -> [f64; 12] {
+    let body = tumbler(seed);
+    let before = sunglint_testkit::cpu_s();
+    let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
+    let cpu_s = sunglint_testkit::cpu_s() - before;
+    // Its frequency falls evenly.
+    let truth = body.period_s / (1.0 - body.drift * found.epoch_s / DAY_S);
+    let mut row = [f64::NAN; 12];
+    (row[0], row[1], row[2], row[3]) = (body.period_s, body.drift, body.passes.len() as f64, 2.0);
+    row[11] = cpu_s;
+    for spin in &found.spins {
+        println!(
+            "   {} a turn: share {:.3}, {:.6} ({:.6} to {:.6}) of {truth:.6} s; drift {:.2e} ({:.2e} to {:.2e}) of {:.2e}; axis within {:.1}, off by {:.1} degrees, sense {:.4}, slip {:.4}",
+            spin.repeats,
+            spin.share,
+            spin.period_s.value,
+            spin.period_s.from,
+            spin.period_s.to,
+            spin.drift_per_day.value,
+            spin.drift_per_day.from,
+            spin.drift_per_day.to,
+            body.drift,
+            spin.axis_within_deg,
+            spin.axis.angle_between(body.axis).to_degrees(),
+            spin.sense,
+            spin.slip_turns
+        );
+    }
+    if let Some(best) = found.spins.first() {
+        let holds = |i: Interval, x: f64| f64::from(u8::from((i.from..=i.to).contains(&x)));
+        row[3] = if found.only().is_some() { 0.0 } else { 1.0 };
+        row[4] = best.share;
+        row[5] = best.period_s.value / truth - 1.0;
+        row[6] = 0.5 * (best.period_s.to - best.period_s.from) / truth;
+        row[7] = holds(best.period_s, truth);
+        row[8] = holds(best.drift_per_day, body.drift);
+        row[9] = best.sense;
+        row[10] = f64::from(u8::from(best.axis.dot(body.axis) > 0.0));
+    }
+    row
+}
+
+/// Truth: the spin of a body of twelve passes. Tolerance: the stated 95 % intervals, the sense, 5° of the axis; passes that are given in another order, or all at once, are the same to the bit.
+#[test]
+fn a_spin_over_passes_has_axis_and_sense() {
+    let body = tumbler(19);
+    let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
+    let spin = *found.only().unwrap();
+    let truth = body.period_s / (1.0 - body.drift * found.epoch_s / DAY_S);
+    assert!((spin.period_s.from..=spin.period_s.to).contains(&truth), "{spin:?} {truth}");
+    assert!(spin.period_s.to - spin.period_s.from < 0.02 * truth, "{spin:?}");
+    assert!(spin.knows_sense() && spin.axis.angle_between(body.axis) < 5.0_f64.to_radians());
+    let told = found.passes.iter().filter_map(|p| Some((p.apparent_s?, p.model_s?)));
+    let off: Vec<f64> = told.map(|(seen, model)| (seen / model - 1.0).abs()).collect();
+    assert!(off.len() >= 10 && off.iter().all(|o| *o < 0.02), "{off:?}");
+    let all = body.passes.iter().rev().flat_map(|p| p.series.clone()).collect();
+    let parted = by_pass(all, 600.0);
+    let same: Vec<_> = body.passes.iter().map(|p| p.series.clone()).collect();
+    assert_eq!(parted, same);
+}
+
+/// Two passes, and passes of noise, have no spin, and say so.
+#[test]
+fn too_few_passes_have_no_spin() {
+    let mut body = tumbler(19);
+    body.passes.truncate(2);
+    let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
+    assert!(found.only().is_none());
+    assert!(matches!(found.refused, Some(NoSpin::Passes { of: 2, .. })), "{:?}", found.refused);
+    let mut body = tumbler(19);
+    let mut random = Random::seed_from_u64(1);
+    for pass in &mut body.passes {
+        for value in &mut pass.series[0].value {
+            let off: f64 = StandardNormal.sample(&mut random);
+            *value = 1.0 + 0.05 * off;
+        }
+    }
+    let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
+    assert!(found.spins.is_empty() && found.refused.is_some(), "{:?}", found.spins);
 }

@@ -1,7 +1,7 @@
 //! The period that passes share: each shows an apparent one, or a family.
 
 use super::{LEAST_PASSES, NoSpin, PassFound, SpinFound, SpinOptions, SpinPass};
-use crate::period::verdict::Outcome;
+use crate::period::verdict::{Estimate, Outcome};
 use crate::period::{PeriodError, verdict};
 use rayon::prelude::*;
 
@@ -22,7 +22,12 @@ const DAY_S: f64 = 86_400.0;
 struct Candidate {
     period_s: f64,
     sigma_s: f64,
+    /// How much it speaks for its period.
+    weight: f64,
 }
+
+/// A pass whose best period is no answer speaks for a period by this much.
+const OF_REFUSED: f64 = 0.5;
 
 /// The passes that show the shared period, with the apparent frequency, Hz.
 type Shown = Vec<(usize, f64)>;
@@ -34,33 +39,36 @@ pub fn of_passes(
 ) -> Result<(SpinFound, Result<Shown, NoSpin>), PeriodError> {
     let asked = passes.par_iter().map(|pass| {
         let verdict = verdict(&pass.series, &options.search)?;
-        let times = pass.series.iter().flat_map(|s| s.time_s.first().into_iter().chain(s.time_s.last()));
+        let times =
+            pass.series.iter().flat_map(|s| s.time_s.first().into_iter().chain(s.time_s.last()));
         let (first, last) =
             times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
         let middle_s = 0.5 * (first + last);
-        Ok(PassFound { name: pass.name.clone(), verdict, apparent_s: None, middle_s })
+        Ok(PassFound {
+            name: pass.name.clone(),
+            verdict,
+            apparent_s: None,
+            model_s: None,
+            middle_s,
+        })
     });
     let found: Vec<PassFound> = asked.collect::<Result<_, PeriodError>>()?;
     let candidates: Vec<Vec<Candidate>> = found.iter().map(of_pass).collect();
-    let with = candidates.iter().filter(|c| !c.is_empty()).count();
-    let shown = if with < LEAST_PASSES {
-        Err(NoSpin::Passes { with, of: passes.len() })
-    } else {
-        shared(passes, &found, &candidates, options)
-    };
+    let shown = shared(passes, &found, &candidates, options);
     let all = SpinFound { spins: Vec::new(), refused: None, epoch_s: 0.0, passes: found };
     Ok((all, shown))
 }
 
 fn of_pass(found: &PassFound) -> Vec<Candidate> {
-    let one = |e: &crate::period::verdict::Estimate| Candidate {
+    let one = |e: &Estimate, weight: f64| Candidate {
         period_s: e.period_s,
         sigma_s: if e.sigma_s.is_finite() { e.sigma_s } else { 0.0 },
+        weight,
     };
     match &found.verdict.outcome {
-        Outcome::One(e) => vec![one(e)],
-        Outcome::Family(members) => members.iter().map(|m| one(&m.estimate)).collect(),
-        Outcome::NotEnough(_) => Vec::new(),
+        Outcome::One(e) => vec![one(e, 1.0)],
+        Outcome::Family(members) => members.iter().map(|m| one(&m.estimate, 1.0)).collect(),
+        Outcome::NotEnough(_) => found.verdict.best.iter().map(|e| one(e, OF_REFUSED)).collect(),
     }
 }
 
@@ -95,12 +103,11 @@ fn shared(
     };
     let mut best: Option<(f64, usize, Candidate)> = None;
     for (from, of_pass) in candidates.iter().enumerate() {
-        for c in of_pass {
+        for c in of_pass.iter().filter(|c| c.weight >= 1.0) {
             let score: f64 = (0..passes.len())
                 .map(|k| match near(c, from, k, 1.0) {
-                    Some(_) => 1.0,
-                    None if near(c, from, k, 2.0).is_some() => OF_HALF,
-                    None => 0.0,
+                    Some(m) => m.weight,
+                    None => near(c, from, k, 2.0).map_or(0.0, |m| OF_HALF * m.weight),
                 })
                 .sum();
             // As many passes for a shorter one: the longer is its multiple.
@@ -112,17 +119,23 @@ fn shared(
             }
         }
     }
-    let with = candidates.iter().filter(|c| !c.is_empty()).count();
-    let Some((score, from, c)) = best else {
+    let answers = |c: &Vec<Candidate>| c.iter().any(|c| c.weight >= 1.0);
+    let with = candidates.iter().filter(|c| answers(c)).count();
+    let Some((score, from, c)) = best.filter(|_| passes.len() >= LEAST_PASSES) else {
         return Err(NoSpin::Passes { with, of: passes.len() });
     };
-    if score < AGREE * with as f64 || score < LEAST_PASSES as f64 {
-        return Err(NoSpin::Apart { agree: score.floor() as usize, of: with });
+    let shown: Shown = (0..passes.len())
+        .filter_map(|k| {
+            let whole = near(&c, from, k, 1.0).map(|m| m.period_s);
+            let period_s = whole.or_else(|| near(&c, from, k, 2.0).map(|m| 2.0 * m.period_s))?;
+            Some((k, 1.0 / period_s))
+        })
+        .collect();
+    if with < 2 {
+        return Err(NoSpin::Passes { with, of: passes.len() });
     }
-    let shown = (0..passes.len()).filter_map(|k| {
-        let whole = near(&c, from, k, 1.0).map(|m| m.period_s);
-        let period_s = whole.or_else(|| near(&c, from, k, 2.0).map(|m| 2.0 * m.period_s))?;
-        Some((k, 1.0 / period_s))
-    });
-    Ok(shown.collect())
+    if score < AGREE * with as f64 || shown.len() < LEAST_PASSES {
+        return Err(NoSpin::Apart { agree: shown.len(), of: passes.len() });
+    }
+    Ok(shown)
 }

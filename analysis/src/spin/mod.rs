@@ -56,19 +56,23 @@ impl Default for SpinOptions {
 #[non_exhaustive]
 pub enum NoSpin {
     /// Too few passes have a period of their own.
-    #[error("{with} of {of} passes have a period, expected {LEAST_PASSES} or more")]
+    #[error(
+        "{with} of {of} passes have a period of their own; expected {LEAST_PASSES} passes or more, two of them with one"
+    )]
     Passes {
-        /// Passes with a period.
+        /// Passes with a period of their own.
         with: usize,
         /// All passes.
         of: usize,
     },
     /// The passes' periods are no one body's.
-    #[error("{agree} of {of} passes with a period agree on one, within the bisector's turn and the drift")]
+    #[error(
+        "{agree} of {of} passes agree on a period, within the bisector's turn and the drift: too few"
+    )]
     Apart {
         /// Passes that agree.
         agree: usize,
-        /// Passes with a period.
+        /// All passes.
         of: usize,
     },
 }
@@ -110,6 +114,8 @@ pub struct PassFound {
     pub verdict: Verdict,
     /// The period that the passes share, as this one shows it, s; none where it does not, or does not fit.
     pub apparent_s: Option<f64>,
+    /// The same by the likeliest spin, s.
+    pub model_s: Option<f64>,
     /// The middle of it, s.
     pub middle_s: f64,
 }
@@ -134,6 +140,25 @@ impl SpinFound {
     }
 }
 
+/// Parts series into passes: what lies less than `gap_s` apart is one, whatever the channel.
+pub fn by_pass(mut series: Vec<Series>, gap_s: f64) -> Vec<Vec<Series>> {
+    series.retain(|s| !s.is_empty());
+    let end = |s: &Series| s.time_s.last().copied().unwrap_or(f64::NEG_INFINITY);
+    let first = |s: &Series| s.time_s.first().copied().unwrap_or(f64::INFINITY);
+    series.sort_by(|a, b| first(a).total_cmp(&first(b)).then_with(|| a.name.cmp(&b.name)));
+    let mut passes: Vec<Vec<Series>> = Vec::new();
+    let mut last = f64::NEG_INFINITY;
+    for s in series {
+        let (from, to) = (first(&s), end(&s));
+        match passes.last_mut() {
+            Some(pass) if from - last < gap_s => pass.push(s),
+            _ => passes.push(vec![s]),
+        }
+        last = last.max(to);
+    }
+    passes
+}
+
 /// Finds the spin of a body over some passes.
 ///
 /// # Errors
@@ -156,7 +181,9 @@ pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound
     let posterior = posterior::Posterior::new(&scans, options);
     (found.spins, found.epoch_s) = (posterior.spins(), posterior.epoch_s);
     for scan in &scans {
-        found.passes[scan.number].apparent_s = Some(1.0 / scan.apparent_hz());
+        let pass = &mut found.passes[scan.number];
+        pass.apparent_s = Some(1.0 / scan.apparent_hz());
+        pass.model_s = posterior.apparent_s(scan);
     }
     Ok(found)
 }

@@ -3,6 +3,7 @@
 use super::scan::{Peak, Scan};
 use super::{SURE, Spin, SpinOptions};
 use glam::DVec3;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use sunglint_numerics::sphere::spread;
@@ -19,6 +20,8 @@ const PARTS: usize = 9;
 const REPEATS: [u32; 2] = [1, 2];
 /// Slips of the phase over a pass, turns: a light is no function of the bisector's longitude alone.
 const SLIPS: [f64; 7] = [0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16];
+/// Standard deviation of the share by which the light turns more, or less, than the bisector: it lies between the Sun's longitude and the observer's, and not always in the middle.
+const EXCESS: f64 = 0.1;
 const DAY_S: f64 = 86_400.0;
 
 /// A number with its 95 % interval.
@@ -40,6 +43,8 @@ struct Part {
     slip: f64,
     /// Log of its likelihood times the area of its cell.
     log_weight: f64,
+    /// Log of its likelihood.
+    log_height: f64,
     /// Frequency at the epoch (Hz) and drift (Hz/d), with their variances.
     hz: f64,
     hz_variance: f64,
@@ -86,8 +91,10 @@ impl Posterior {
             })
             .collect();
         for _ in 0..LEVELS {
-            let all: Vec<f64> =
-                cells.iter().map(|(_, parts)| log_sum(parts.iter().map(|p| p.log_weight))).collect();
+            let all: Vec<f64> = cells
+                .iter()
+                .map(|(_, parts)| log_sum(parts.iter().map(|p| p.log_weight)))
+                .collect();
             let total = log_sum(all.iter().copied());
             let mut order: Vec<usize> =
                 (0..cells.len()).filter(|k| all[*k] > total + LEAST.ln()).collect();
@@ -106,6 +113,15 @@ impl Posterior {
         }
         let parts = cells.into_iter().flat_map(|(_, parts)| parts).collect();
         Self { parts, epoch_s }
+    }
+
+    /// The apparent period of a pass by the likeliest spin, s.
+    pub fn apparent_s(&self, scan: &Scan) -> Option<f64> {
+        // Cells are of unlike sizes: the likelihood itself.
+        let best = self.parts.iter().max_by(|a, b| a.log_height.total_cmp(&b.log_height))?;
+        let sidereal = best.hz + best.drift * (scan.middle_s - self.epoch_s) / DAY_S;
+        let hz = sidereal - f64::from(best.repeats) * scan.mean_turn_hz(best.axis)?;
+        (hz > 0.0).then(|| 1.0 / hz)
     }
 
     /// The spins by repetitions, the likeliest first.
@@ -149,7 +165,7 @@ fn parts(scans: &[Scan], cell: Cell, epoch_s: f64, options: &SpinOptions) -> Vec
         let peaks: Option<Vec<Peak>> =
             scans.iter().map(|scan| scan.peak(cell.axis, repeats)).collect();
         let Some(peaks) = peaks else { continue };
-        parts.extend(SLIPS.iter().map(|slip| {
+        parts.extend(SLIPS.iter().filter_map(|slip| {
             part(scans, &peaks, (cell, repeats, *slip), epoch_s, options.drift_per_day)
         }));
     }
@@ -163,41 +179,44 @@ fn part(
     (cell, repeats, slip): (Cell, u32, f64),
     epoch_s: f64,
     drift_per_day: f64,
-) -> Part {
+) -> Option<Part> {
     let usual = peaks.iter().map(|p| p.hz).sum::<f64>() / peaks.len() as f64;
-    // The drift is expected to be none, within its standard deviation.
-    let prior = (drift_per_day * usual).powi(-2);
-    let (mut n, mut log_weight) = ([0.0, 0.0, prior], cell.area.ln() + 0.5 * prior.ln());
-    let mut right = [0.0; 2];
-    let rows: Vec<(f64, f64, f64)> = scans
+    // Drift and excess of the turn are expected to be none, within their standard deviations.
+    let prior = [(drift_per_day * usual).powi(-2), EXCESS.powi(-2)];
+    let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, prior[0], prior[1]));
+    let mut right = Vector3::zeros();
+    let mut log_weight = cell.area.ln();
+    let rows: Vec<(Vector3<f64>, f64, f64)> = scans
         .iter()
         .zip(peaks)
         .map(|(scan, peak)| {
             let variance = peak.variance + (slip / scan.span_s).powi(2);
             // How the phase bends within a pass is known as well as how fast it goes.
             log_weight += peak.log_likelihood * peak.variance / variance - 0.5 * variance.ln();
-            ((scan.middle_s - epoch_s) / DAY_S, peak.hz - usual, variance.recip())
+            let row = Vector3::new(1.0, (scan.middle_s - epoch_s) / DAY_S, -peak.turn_hz);
+            (row, peak.hz - usual, variance.recip())
         })
         .collect();
-    for (t, y, w) in &rows {
-        n = [n[0] + w, n[1] + w * t, n[2] + w * t * t];
-        right = [right[0] + w * y, right[1] + w * t * y];
+    for (row, y, w) in &rows {
+        normal += *w * row * row.transpose();
+        right += *w * *y * row;
     }
-    let det = n[0] * n[2] - n[1] * n[1];
-    let hz = (n[2] * right[0] - n[1] * right[1]) / det;
-    let drift = (n[0] * right[1] - n[1] * right[0]) / det;
-    let off: f64 = rows.iter().map(|(t, y, w)| w * (y - hz - drift * t).powi(2)).sum();
-    log_weight -= 0.5 * (off + prior * drift * drift + det.ln());
-    Part {
+    let covariance = normal.try_inverse()?;
+    let x = covariance * right;
+    let off: f64 = rows.iter().map(|(row, y, w)| w * (y - row.dot(&x)).powi(2)).sum();
+    let expected = prior[0] * x[1] * x[1] + prior[1] * x[2] * x[2];
+    log_weight -= 0.5 * (off + expected + normal.determinant().ln() - prior[0].ln());
+    Some(Part {
         axis: cell.axis,
         repeats,
         slip,
         log_weight,
-        hz: usual + hz,
-        hz_variance: n[2] / det,
-        drift,
-        drift_variance: n[0] / det,
-    }
+        log_height: log_weight - cell.area.ln(),
+        hz: usual + x[0],
+        hz_variance: covariance[(0, 0)],
+        drift: x[1],
+        drift_variance: covariance[(1, 1)],
+    })
 }
 
 fn log_sum(logs: impl Iterator<Item = f64> + Clone) -> f64 {
@@ -257,9 +276,7 @@ fn quantiles(mut parts: Vec<(f64, f64, f64)>) -> Interval {
         (a.min(m - 8.0 * v.sqrt()), b.max(m + 8.0 * v.sqrt()))
     });
     let below = |x: f64| {
-        let one = |(w, m, v): &(f64, f64, f64)| {
-            w * 0.5 * libm::erfc((m - x) / (2.0 * v).sqrt())
-        };
+        let one = |(w, m, v): &(f64, f64, f64)| w * 0.5 * libm::erfc((m - x) / (2.0 * v).sqrt());
         parts.iter().map(one).sum::<f64>() / total
     };
     let at = |share: f64| {

@@ -22,6 +22,8 @@ pub struct Peak {
     pub hz: f64,
     /// Its variance, Hz².
     pub variance: f64,
+    /// Mean turn of the light by the bisector's, Hz: what apparent and sidereal frequency differ by.
+    pub turn_hz: f64,
     /// Log likelihood there, beside that of the best axis.
     pub log_likelihood: f64,
 }
@@ -170,6 +172,11 @@ impl Scan {
         (hz, top, bend)
     }
 
+    /// Mean turn of the bisector about an axis, Hz; `None` where it meets it.
+    pub fn mean_turn_hz(&self, axis: DVec3) -> Option<f64> {
+        Some(self.path.turned(axis)?.split().0)
+    }
+
     /// Takes the noise from the best of some axes, so that likelihoods can be compared.
     pub fn settle(&mut self, axes: &[DVec3]) {
         // Channels apart: the noise is each one's own.
@@ -209,6 +216,7 @@ impl Scan {
         Some(Peak {
             hz: self.nominal_hz + hz,
             variance: variance * alike,
+            turn_hz: f64::from(repeats) * self.mean_turn_hz(axis)?,
             log_likelihood: 0.5 * (gain - best).min(0.0) / alike,
         })
     }
