@@ -55,6 +55,7 @@ pub mod period;
 pub mod samples;
 pub mod series;
 pub mod sessions;
+pub mod spin;
 pub mod synodic;
 pub mod trend;
 pub mod unmix;

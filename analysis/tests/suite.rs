@@ -5,6 +5,7 @@ mod map;
 mod passing;
 mod periodograms;
 mod sessions;
+mod spins;
 mod trends;
 mod unmix;
 mod verdicts;

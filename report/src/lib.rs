@@ -72,6 +72,7 @@ pub mod reduce;
 pub mod session;
 pub mod simulate;
 pub mod solve;
+pub mod spin;
 pub mod star;
 pub mod tables;
 pub mod track;

@@ -7,6 +7,7 @@ mod fold;
 mod given;
 mod map;
 mod period;
+mod spin;
 mod unmix;
 
 pub use attitude::AttitudeArgs;
@@ -14,6 +15,7 @@ pub use endmembers::EndmembersArgs;
 pub use fold::FoldArgs;
 pub use map::MapArgs;
 pub use period::PeriodArgs;
+pub use spin::SpinArgs;
 pub use unmix::UnmixArgs;
 
 use crate::output::{Console, OutputArgs};
@@ -24,6 +26,8 @@ use clap::Subcommand;
 pub enum AnalyseCommand {
     /// The period of a curve, from all channels together: one, a family of which the data cannot choose, or not enough data
     Period(Box<PeriodArgs>),
+    /// The spin behind the apparent periods of several passes: sidereal period, axis, sense and drift, with their intervals
+    Spin(Box<SpinArgs>),
     /// Samples by their phase in a period: the mean of every stretch of phase, and its uncertainty
     Fold(Box<FoldArgs>),
     /// How much of the light comes from which material, sample by sample
@@ -41,6 +45,7 @@ impl AnalyseCommand {
     pub fn output(&self) -> &OutputArgs {
         match self {
             Self::Period(args) => &args.out,
+            Self::Spin(args) => &args.out,
             Self::Fold(args) => &args.out,
             Self::Unmix(args) => &args.out,
             Self::Endmembers(args) => &args.out,
@@ -57,6 +62,7 @@ impl AnalyseCommand {
 pub fn run(command: &AnalyseCommand, seed: u64, console: Console) -> anyhow::Result<()> {
     match command {
         AnalyseCommand::Period(args) => period::run(args, console),
+        AnalyseCommand::Spin(args) => spin::run(args, console),
         AnalyseCommand::Fold(args) => fold::run(args, console),
         AnalyseCommand::Unmix(args) => unmix::run(args, console),
         AnalyseCommand::Endmembers(args) => endmembers::run(args, console),

@@ -87,7 +87,7 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
     spinner.end();
     for warning in &mut found.warnings {
         if warning == GEOMETRY_NOT_USED {
-            *warning = "the geometry of --pass is not used: it is that of one pass, and these are several tracks".into();
+            *warning = "the geometry of --pass is not used: it is that of one pass, and these are several tracks (`analyse spin` takes passes together)".into();
         }
         console.warn(warning);
     }

@@ -1,0 +1,189 @@
+//! The spin of a body over many passes: sidereal period, axis, sense and drift, with the turns between passes not counted.
+//!
+//! In each pass the light repeats at an apparent (synodic) frequency: its phase is f t − n λ(t)/2π with the sidereal frequency f of the light's repetition, the longitude λ of the bisector
+//! of Sun and observer about the spin axis ([`crate::synodic`]), and n repetitions of the light to a turn of the body. From pass to pass λ moves otherwise, so that the apparent frequencies differ: by how much is
+//! what tells axis and sense, and with them f. A body whose halves look alike has n = 2: its frequencies differ by twice as much.
+//!
+//! Each pass gives amplitudes of harmonics in stretches of a few turns ([`stretches`]); an axis turns their phases, and a frequency is found at which they agree ([`scan`]). The axes, n, and how far the
+//! light is no function of λ (a slip of the phase over a pass), are summed over with their likelihoods; frequency and drift are linear and summed over in closed form ([`posterior`]). So the intervals of
+//! the period hold the axes that fit as well, and both senses where the passes do not tell.
+
+mod chain;
+mod posterior;
+mod scan;
+mod stretches;
+
+pub use posterior::Interval;
+
+use crate::period::{PeriodError, Verdict};
+use crate::series::Series;
+use crate::synodic::Bisectors;
+use glam::DVec3;
+
+/// Passes with a period at least: frequency, drift and two angles of an axis are four unknowns.
+pub const LEAST_PASSES: usize = 3;
+/// Share of the likelihood that one answer must have to be told as the only one.
+pub const SURE: f64 = 0.99;
+
+/// A pass: light, and how the body was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpinPass {
+    /// Name for messages.
+    pub name: String,
+    /// The channels; times in seconds from a moment that all passes share.
+    pub series: Vec<Series>,
+    /// The bisector of Sun and observer, in the same time.
+    pub path: Bisectors,
+}
+
+/// Options of the search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpinOptions {
+    /// Bounds of the period in each pass.
+    pub search: crate::period::Options,
+    /// Standard deviation of the drift that is expected, as a share of the period and day. Passes are taken together over days where it allows.
+    pub drift_per_day: f64,
+}
+
+impl Default for SpinOptions {
+    fn default() -> Self {
+        Self { search: crate::period::Options::default(), drift_per_day: 1e-3 }
+    }
+}
+
+/// Why no spin is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoSpin {
+    /// Too few passes have a period of their own.
+    #[error(
+        "{with} of {of} passes have a period of their own; expected {LEAST_PASSES} passes or more, two of them with one"
+    )]
+    Passes {
+        /// Passes with a period of their own.
+        with: usize,
+        /// All passes.
+        of: usize,
+    },
+    /// The passes' periods are no one body's.
+    #[error(
+        "{agree} of {of} passes agree on a period, within the bisector's turn and the drift: too few"
+    )]
+    Apart {
+        /// Passes that agree.
+        agree: usize,
+        /// All passes.
+        of: usize,
+    },
+}
+
+/// The spin by one number of repetitions of the light to a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spin {
+    /// Repetitions of the light to a turn of the body.
+    pub repeats: u32,
+    /// Share of the likelihood.
+    pub share: f64,
+    /// Sidereal period at [`SpinFound::epoch_s`], s.
+    pub period_s: Interval,
+    /// Change of the period, as a share of it and day.
+    pub drift_per_day: Interval,
+    /// Mean axis (GCRS, unit): the body turns right-handed about it.
+    pub axis: DVec3,
+    /// The angle from it that holds 95 % of the axes, degrees.
+    pub axis_within_deg: f64,
+    /// Share of the axes in the same half of the sky as the mean one: how sure the sense is.
+    pub sense: f64,
+    /// Slip of the phase over a pass beside the model, turns.
+    pub slip_turns: f64,
+}
+
+impl Spin {
+    /// Whether one sense is left.
+    pub fn knows_sense(&self) -> bool {
+        self.sense >= SURE
+    }
+}
+
+/// What a pass told.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassFound {
+    /// Its name.
+    pub name: String,
+    /// The verdict on it alone; its periods are apparent ones.
+    pub verdict: Verdict,
+    /// The period that the passes share, as this one shows it, s; none where it does not, or does not fit.
+    pub apparent_s: Option<f64>,
+    /// The same by the likeliest spin, s.
+    pub model_s: Option<f64>,
+    /// The middle of it, s.
+    pub middle_s: f64,
+}
+
+/// The spin over some passes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpinFound {
+    /// The spins by their shares, the likeliest first; those below 1 − [`SURE`] are left out.
+    pub spins: Vec<Spin>,
+    /// Why there is none.
+    pub refused: Option<NoSpin>,
+    /// The moment of the periods, s: where it is known best, between the passes.
+    pub epoch_s: f64,
+    /// Each pass.
+    pub passes: Vec<PassFound>,
+}
+
+impl SpinFound {
+    /// The spin, where the passes leave one.
+    pub fn only(&self) -> Option<&Spin> {
+        self.spins.first().filter(|s| s.share >= SURE)
+    }
+}
+
+/// Parts series into passes: what lies less than `gap_s` apart is one, whatever the channel.
+pub fn by_pass(mut series: Vec<Series>, gap_s: f64) -> Vec<Vec<Series>> {
+    series.retain(|s| !s.is_empty());
+    let end = |s: &Series| s.time_s.last().copied().unwrap_or(f64::NEG_INFINITY);
+    let first = |s: &Series| s.time_s.first().copied().unwrap_or(f64::INFINITY);
+    series.sort_by(|a, b| first(a).total_cmp(&first(b)).then_with(|| a.name.cmp(&b.name)));
+    let mut passes: Vec<Vec<Series>> = Vec::new();
+    let mut last = f64::NEG_INFINITY;
+    for s in series {
+        let (from, to) = (first(&s), end(&s));
+        match passes.last_mut() {
+            Some(pass) if from - last < gap_s => pass.push(s),
+            _ => passes.push(vec![s]),
+        }
+        last = last.max(to);
+    }
+    passes
+}
+
+/// Finds the spin of a body over some passes.
+///
+/// # Errors
+/// Those of [`crate::period::verdict()`]; passes that are too short or constant are named in the result.
+pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound, PeriodError> {
+    let (mut found, shown) = chain::of_passes(passes, options)?;
+    let shown = match shown {
+        Ok(shown) => shown,
+        Err(refused) => {
+            found.refused = Some(refused);
+            return Ok(found);
+        }
+    };
+    let scans: Vec<scan::Scan> =
+        shown.iter().filter_map(|(k, hz)| scan::Scan::new(&passes[*k], *k, *hz)).collect();
+    if scans.len() < LEAST_PASSES {
+        found.refused = Some(NoSpin::Passes { with: scans.len(), of: passes.len() });
+        return Ok(found);
+    }
+    let posterior = posterior::Posterior::new(&scans, options);
+    (found.spins, found.epoch_s) = (posterior.spins(), posterior.epoch_s);
+    for scan in &scans {
+        let pass = &mut found.passes[scan.number];
+        pass.apparent_s = Some(1.0 / scan.apparent_hz());
+        pass.model_s = posterior.apparent_s(scan);
+    }
+    Ok(found)
+}

@@ -1,0 +1,223 @@
+//! The spin of a body over passes: text, JSON, table, figure.
+
+use crate::plot::{Axis, Figure, Panel, Series as Line};
+use crate::{Product, inputs, rounded};
+use hifitime::{Duration, Epoch};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_analysis::curves::Curves;
+use sunglint_analysis::map::longitude_latitude;
+use sunglint_analysis::period::verdict::Outcome;
+use sunglint_analysis::spin::{Interval, Spin, SpinFound};
+use sunglint_formats::time::format_utc;
+use sunglint_formats::{Column, Table};
+
+const DAY_S: f64 = 86_400.0;
+
+/// A spin with the curves that it was found in.
+#[derive(Debug, Clone, Copy)]
+pub struct SpinReport<'a> {
+    /// The spin.
+    pub found: &'a SpinFound,
+    /// The curves.
+    pub curves: &'a Curves,
+    /// Warnings that the user should read first.
+    pub warnings: &'a [String],
+}
+
+/// Right ascension (0 to 360°) and declination of an axis.
+fn axis_deg(spin: &Spin) -> (f64, f64) {
+    let (longitude, latitude) = longitude_latitude(spin.axis);
+    (longitude.rem_euclid(360.0), latitude)
+}
+
+/// An interval to the second digit of its half width.
+fn period(i: Interval) -> String {
+    let half = 0.5 * (i.to - i.from);
+    let digits = (1.0 - half.log10().floor()).clamp(0.0, 12.0);
+    let digits = if digits.is_finite() { digits as usize } else { 6 };
+    format!("{:.digits$} s ({:.digits$} to {:.digits$})", i.value, i.from, i.to)
+}
+
+impl SpinReport<'_> {
+    /// All forms of the result.
+    pub fn product(&self) -> Product {
+        Product {
+            name: "spin".into(),
+            table: self.table(),
+            figure: self.figure(),
+            json: self.json(),
+            ..Product::default()
+        }
+    }
+
+    fn time(&self, s: f64) -> Epoch {
+        self.curves.zero + Duration::from_seconds(s)
+    }
+
+    /// The text.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let found = self.found;
+        match (found.only(), found.refused) {
+            (Some(_), _) => text.push_str("verdict   one spin; intervals are of 95 %\n"),
+            (None, Some(reason)) => {
+                let _ = writeln!(text, "verdict   no spin: {reason}");
+            }
+            (None, None) => text.push_str(
+                "verdict   several spins, the likeliest first: the passes do not choose; more passes, seen otherwise, would\n",
+            ),
+        }
+        for spin in &found.spins {
+            self.say(spin, &mut text);
+        }
+        let agree = found.passes.iter().filter(|p| p.apparent_s.is_some()).count();
+        let _ = writeln!(
+            text,
+            "passes    {agree} of {} agree; turns between them are not counted",
+            found.passes.len()
+        );
+        for pass in &found.passes {
+            let at = format_utc(self.time(pass.middle_s), 0);
+            let own = match &pass.verdict.outcome {
+                Outcome::One(e) => format!("one period, {:.4} s", e.period_s),
+                Outcome::Family(members) => {
+                    let all: Vec<String> =
+                        members.iter().map(|m| format!("{:.4}", m.estimate.period_s)).collect();
+                    format!("one of {} s", all.join(", "))
+                }
+                _ => "no period alone".into(),
+            };
+            let _ = match (pass.apparent_s, pass.model_s) {
+                (Some(seen), Some(model)) => writeln!(
+                    text,
+                    "          {at}  {own}; repeats in {seen:.4} s, by the spin in {model:.4} s"
+                ),
+                _ => writeln!(text, "          {at}  {own}; not used"),
+            };
+        }
+        let removed = &self.curves.removed;
+        let removed = if removed.is_empty() { "nothing".to_owned() } else { removed.join(", ") };
+        let _ = writeln!(text, "removed   {removed}");
+        text
+    }
+
+    fn say(&self, spin: &Spin, text: &mut String) {
+        let often = match spin.repeats {
+            1 => "once".to_owned(),
+            2 => "twice".to_owned(),
+            n => format!("{n} times"),
+        };
+        let _ = writeln!(
+            text,
+            "spin      {}, sidereal, at {}; {:.0} % of the likelihood; the light repeats {often} a turn",
+            period(spin.period_s),
+            format_utc(self.time(self.found.epoch_s), 0),
+            100.0 * spin.share,
+        );
+        let d = spin.drift_per_day;
+        let _ = writeln!(
+            text,
+            "drift     {:+.1e} of the period a day ({:+.1e} to {:+.1e})",
+            d.value, d.from, d.to
+        );
+        let (ra, dec) = axis_deg(spin);
+        let sense = if spin.knows_sense() {
+            "right-handed about it".to_owned()
+        } else {
+            format!("sense not known, {:.0} % for right-handed about it", 100.0 * spin.sense)
+        };
+        let _ = writeln!(
+            text,
+            "axis      RA {ra:.0}°, Dec {dec:+.0}° (GCRS), 95 % within {:.0}° of it; {sense}",
+            spin.axis_within_deg.ceil()
+        );
+        let _ = writeln!(
+            text,
+            "slip      the phase slips by some {:.3} of a turn over a pass beside the model (in the intervals)",
+            spin.slip_turns
+        );
+    }
+
+    /// The summary with its documented keys.
+    pub fn json(&self) -> Value {
+        let found = self.found;
+        let interval = |i: Interval| json!({ "value": rounded(i.value), "from": rounded(i.from), "to": rounded(i.to) });
+        let spin = |s: &Spin| {
+            let (ra, dec) = axis_deg(s);
+            json!({
+                "repeats": s.repeats, "share": rounded(s.share), "period_s": interval(s.period_s), "drift_per_day": interval(s.drift_per_day),
+                "axis": { "ra_deg": rounded(ra), "dec_deg": rounded(dec), "within_deg": rounded(s.axis_within_deg) },
+                "sense_share": rounded(s.sense), "sense_known": s.knows_sense(), "slip_turns": rounded(s.slip_turns),
+            })
+        };
+        let verdict = match (found.only(), found.refused) {
+            (Some(_), _) => "one",
+            (None, Some(_)) => "none",
+            (None, None) => "several",
+        };
+        json!({
+            "verdict": verdict,
+            "spins": found.spins.iter().map(spin).collect::<Vec<_>>(),
+            "reason": found.refused.map(|r| r.to_string()),
+            "epoch_utc": (!found.spins.is_empty()).then(|| format_utc(self.time(found.epoch_s), 3)),
+            "passes": found.passes.iter().map(|p| json!({
+                "name": p.name, "middle_utc": format_utc(self.time(p.middle_s), 3), "own_s": p.verdict.best.as_ref().map(|b| rounded(b.period_s)),
+                "apparent_s": p.apparent_s.map(rounded), "model_s": p.model_s.map(rounded),
+            })).collect::<Vec<_>>(),
+            "removed": self.curves.removed,
+            "warnings": self.warnings,
+            "inputs": inputs::json(&self.curves.inputs),
+        })
+    }
+
+    /// A row for each pass.
+    fn table(&self) -> Table {
+        let passes = &self.found.passes;
+        let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        let utc = passes.iter().map(|p| format_utc(self.time(p.middle_s), 3)).collect();
+        let seen = passes.iter().map(|p| or_nan(p.apparent_s)).collect();
+        let model = passes.iter().map(|p| or_nan(p.model_s)).collect();
+        let mut table = Table {
+            columns: vec![
+                Column::text("middle_utc", utc).described("middle of the pass"),
+                Column::f64("apparent_s", Some("s"), seen)
+                    .described("the time in which its light repeats"),
+                Column::f64("model_s", Some("s"), model)
+                    .described("the same by the likeliest spin"),
+            ],
+            ..Table::default()
+        };
+        let summary = self.json();
+        for key in ["verdict", "spins", "reason", "epoch_utc", "removed", "inputs"] {
+            table.meta.insert(key.into(), summary[key].clone());
+        }
+        table
+    }
+
+    /// Apparent periods against time, as seen and by the spin.
+    fn figure(&self) -> Option<Figure> {
+        let first = self.found.passes.iter().map(|p| p.middle_s).reduce(f64::min)?;
+        let points = |of: &dyn Fn(usize) -> Option<f64>| -> Vec<(f64, f64)> {
+            let passes = self.found.passes.iter().enumerate();
+            passes.filter_map(|(k, p)| Some(((p.middle_s - first) / DAY_S, of(k)?))).collect()
+        };
+        let seen = points(&|k| self.found.passes[k].apparent_s);
+        if seen.is_empty() {
+            return None;
+        }
+        let model = points(&|k| self.found.passes[k].model_s);
+        let lines = vec![Line::dots("as seen", 0, seen), Line::dots("by the spin", 1, model)];
+        let title = match self.found.only() {
+            Some(s) => format!("{}: a turn of {:.4} s", self.curves.title(), s.period_s.value),
+            None => format!("{}: several spins are possible", self.curves.title()),
+        };
+        let name = format!("days since {}", format_utc(self.time(first), 0));
+        let panel = Panel::new(
+            Axis::linear(name),
+            Axis::linear("time in which the light repeats (s)"),
+            lines,
+        );
+        Some(Figure { title, panels: vec![panel] })
+    }
+}
