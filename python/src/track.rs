@@ -82,8 +82,7 @@ fn track(
             options,
             only_plan: dry_run,
         };
-        let done =
-            rehearse(&orbit, &station, (from, seconds), made, &rehearsal, &Cancel::new())?;
+        let done = rehearse(&orbit, &station, (from, seconds), made, &rehearsal, &Cancel::new())?;
         let mut report = TrackReport::planned(done.plan, mount);
         match done.ended {
             None if dry_run => {}

@@ -65,6 +65,16 @@ pub enum NoSpin {
         /// All passes.
         of: usize,
     },
+    /// Too few samples in a turn, or too few turns without gaps.
+    #[error(
+        "{usable} of the {of} passes that agree on a period have three turns with samples enough (nine or more a turn, no gap above a quarter), expected {LEAST_PASSES}"
+    )]
+    Sampled {
+        /// Passes with stretches enough.
+        usable: usize,
+        /// Passes that agree.
+        of: usize,
+    },
     /// The passes' periods are no one body's.
     #[error(
         "{agree} of {of} passes agree on a period, within the bisector's turn and the drift: too few"
@@ -175,7 +185,7 @@ pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound
     let scans: Vec<scan::Scan> =
         shown.iter().filter_map(|(k, hz)| scan::Scan::new(&passes[*k], *k, *hz)).collect();
     if scans.len() < LEAST_PASSES {
-        found.refused = Some(NoSpin::Passes { with: scans.len(), of: passes.len() });
+        found.refused = Some(NoSpin::Sampled { usable: scans.len(), of: shown.len() });
         return Ok(found);
     }
     let posterior = posterior::Posterior::new(&scans, options);

@@ -3,7 +3,7 @@
 use super::scan::{Peak, Scan};
 use super::{SURE, Spin, SpinOptions};
 use glam::DVec3;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use sunglint_numerics::sphere::spread;
@@ -20,7 +20,7 @@ const PARTS: usize = 9;
 const REPEATS: [u32; 2] = [1, 2];
 /// Slips of the phase over a pass, turns: a light is no function of the bisector's longitude alone.
 const SLIPS: [f64; 7] = [0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16];
-/// Standard deviation of the share by which the light turns more, or less, than the bisector: it lies between the Sun's longitude and the observer's, and not always in the middle.
+/// Standard deviation of the share by which the light turns more, or less, than the bisector: it lies between the Sun's longitude and the observer's, and not always in the middle. The same from the middle of the passes to their ends.
 const EXCESS: f64 = 0.1;
 const DAY_S: f64 = 86_400.0;
 
@@ -181,19 +181,23 @@ fn part(
     drift_per_day: f64,
 ) -> Option<Part> {
     let usual = peaks.iter().map(|p| p.hz).sum::<f64>() / peaks.len() as f64;
+    // From the epoch to the furthest pass: over that the excess may change as the orbit's plane and the Sun do.
+    let away = scans.iter().map(|s| (s.middle_s - epoch_s).abs() / DAY_S);
+    let half_days = away.fold(1e-3, f64::max);
     // Drift and excess of the turn are expected to be none, within their standard deviations.
     let prior = [(drift_per_day * usual).powi(-2), EXCESS.powi(-2)];
-    let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, prior[0], prior[1]));
-    let mut right = Vector3::zeros();
+    let mut normal = Matrix4::from_diagonal(&Vector4::new(0.0, prior[0], prior[1], prior[1]));
+    let mut right = Vector4::zeros();
     let mut log_weight = cell.area.ln();
-    let rows: Vec<(Vector3<f64>, f64, f64)> = scans
+    let rows: Vec<(Vector4<f64>, f64, f64)> = scans
         .iter()
         .zip(peaks)
         .map(|(scan, peak)| {
             let variance = peak.variance + (slip / scan.span_s).powi(2);
             // How the phase bends within a pass is known as well as how fast it goes.
             log_weight += peak.log_likelihood * peak.variance / variance - 0.5 * variance.ln();
-            let row = Vector3::new(1.0, (scan.middle_s - epoch_s) / DAY_S, -peak.turn_hz);
+            let days = (scan.middle_s - epoch_s) / DAY_S;
+            let row = Vector4::new(1.0, days, -peak.turn_hz, -peak.turn_hz * days / half_days);
             (row, peak.hz - usual, variance.recip())
         })
         .collect();
@@ -204,7 +208,7 @@ fn part(
     let covariance = normal.try_inverse()?;
     let x = covariance * right;
     let off: f64 = rows.iter().map(|(row, y, w)| w * (y - row.dot(&x)).powi(2)).sum();
-    let expected = prior[0] * x[1] * x[1] + prior[1] * x[2] * x[2];
+    let expected = prior[0] * x[1] * x[1] + prior[1] * (x[2] * x[2] + x[3] * x[3]);
     log_weight -= 0.5 * (off + expected + normal.determinant().ln() - prior[0].ln());
     Some(Part {
         axis: cell.axis,

@@ -32,11 +32,15 @@ impl Stretches {
         let mut steps: Vec<f64> = series.time_s.windows(2).map(|w| w[1] - w[0]).collect();
         steps.sort_by(f64::total_cmp);
         let step = steps.get(steps.len() / 2).copied().filter(|s| *s > 0.0)?;
-        let harmonics = ((1.0 / (SAMPLED * step * hz)) as usize).min(HARMONICS);
+        let of = (turns / MOST as f64).ceil().max(1.0);
+        // A stretch holds so many samples.
+        let samples = of / (step * hz);
+        let bears = 0.5 * (samples / FOR_EACH - 1.0);
+        let harmonics = (1.0 / (SAMPLED * step * hz)).min(bears).max(0.0) as usize;
+        let harmonics = harmonics.min(HARMONICS);
         if harmonics == 0 || turns < 2.5 {
             return None;
         }
-        let of = (turns / MOST as f64).ceil().max(1.0);
         let count = (turns / of).floor() as usize;
         let length = span / count as f64;
         let level = series.mean();
