@@ -79,7 +79,7 @@ pub struct GotoArgs {
     /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
     #[arg(long, value_name = "DEG", default_value_t = 30.0)]
     pub sun_limit: f64,
-    /// What is known of the mount.
+    /// Facts that are known of the mount.
     #[command(flatten)]
     pub known: track::KnownArgs,
     /// The mount's own software lifts places by refraction: leave that to it

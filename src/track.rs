@@ -70,7 +70,7 @@ pub struct TrackArgs {
     /// Speed of the mount's slews, degrees a second: how far ahead of the target it is sent when it is turned over; without it that of its rates, 2 at least
     #[arg(long, value_name = "DEG_S")]
     pub slew_deg_s: Option<f64>,
-    /// What is known of the mount.
+    /// Facts that are known of the mount.
     #[command(flatten)]
     pub known: KnownArgs,
     /// How much later than predicted the target comes, s

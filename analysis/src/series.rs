@@ -183,7 +183,7 @@ impl Series {
         }
     }
 
-    /// Its pieces between gaps longer than `gap_s`, each with the weights of [`Series::piece`].
+    /// Returns the pieces between gaps longer than `gap_s`, each with the weights of [`Series::piece`].
     pub fn parted(&self, gap_s: f64) -> Vec<Self> {
         let gaps = self.time_s.windows(2).filter(|t| t[1] - t[0] > gap_s);
         let mut edges = vec![f64::NEG_INFINITY];

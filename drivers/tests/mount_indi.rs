@@ -26,7 +26,7 @@ struct Makings {
     makes_sides_up: bool,
     /// Sidereal time less the true one of Greenwich, s; it stands still where there is none.
     sidereal_off_s: Option<f64>,
-    /// What it says that it was told as UTC.
+    /// The UTC that it says it was told.
     utc: Option<&'static str>,
 }
 

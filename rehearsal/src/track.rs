@@ -67,14 +67,14 @@ pub struct Limits {
     pub sun_limit_deg: f64,
 }
 
-/// What is rehearsed.
+/// A pass that is to be rehearsed.
 #[derive(Debug, Clone)]
 pub struct Rehearsal {
     /// Limits of where the mount may look.
     pub limits: Limits,
     /// How late the target comes as a first guess, s.
     pub late_s: f64,
-    /// What is known of the mount.
+    /// Facts that are known of the mount.
     pub known: MountKnown,
     /// How it is followed.
     pub options: TrackOptions,
@@ -89,7 +89,7 @@ pub struct Rehearsed {
     pub plan: PassPlan,
     /// How it ended; `None` where the plan alone was asked for, or refuses.
     pub ended: Option<Result<TrackSummary, TrackError>>,
-    /// Its steps.
+    /// Steps of the tracker.
     pub steps: Vec<TrackStep>,
     /// Distances of the target from the telescope's axis: seconds of the path, arcsec.
     pub truth: Vec<[f64; 2]>,

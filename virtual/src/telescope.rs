@@ -44,7 +44,7 @@ pub struct TelescopeOptions {
     pub swaps_names: bool,
     /// A fork that says the side of a pier which its driver makes up from the hour angle; only with equatorial axes.
     pub makes_sides_up: bool,
-    /// By how much its own clock is ahead of UTC, s.
+    /// Time by which its own clock is ahead of UTC, s.
     pub clock_off_s: f64,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,

@@ -115,10 +115,10 @@ impl Spin {
     }
 }
 
-/// What a pass told.
+/// One pass of a spin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PassFound {
-    /// Its name.
+    /// Name of the pass.
     pub name: String,
     /// The verdict on it alone; its periods are apparent ones.
     pub verdict: Verdict,

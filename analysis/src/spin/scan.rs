@@ -15,12 +15,12 @@ const DRIFTS_FROM: usize = 6;
 /// Steps of Newton's method at the peak.
 const STEPS: usize = 4;
 
-/// What a pass says under an axis.
+/// The frequency of a pass under an axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Peak {
     /// Sidereal frequency of the light's repetition, Hz.
     pub hz: f64,
-    /// Its variance, Hz².
+    /// Variance of that, Hz².
     pub variance: f64,
     /// Mean turn of the light by the bisector's, Hz: what apparent and sidereal frequency differ by.
     pub turn_hz: f64,
@@ -31,9 +31,9 @@ pub struct Peak {
 /// A pass, ready for axes.
 #[derive(Debug, Clone)]
 pub struct Scan {
-    /// Its place in the list.
+    /// Place in the list.
     pub number: usize,
-    /// Its middle, s, and from its first to its last stretch, s.
+    /// The middle, s, and from its first to its last stretch, s.
     pub middle_s: f64,
     pub span_s: f64,
     channels: Vec<Channel>,
@@ -98,7 +98,7 @@ impl Channel {
 }
 
 impl Scan {
-    /// Of a pass that repeats at an apparent frequency; `None` where no channel has stretches enough.
+    /// Reads a pass that repeats at an apparent frequency; `None` where no channel has stretches enough.
     pub fn new(pass: &SpinPass, number: usize, nominal_hz: f64) -> Option<Self> {
         let ends = pass.series.iter().flat_map(|s| [s.time_s.first(), s.time_s.last()]).flatten();
         let (first, last) =
@@ -204,7 +204,7 @@ impl Scan {
         Some((hz, gain, bend))
     }
 
-    /// What the pass says under an axis; `None` where the axis is met by the bisector.
+    /// Returns what the pass says under an axis; `None` where the axis is met by the bisector.
     pub fn peak(&self, axis: DVec3, repeats: u32) -> Option<Peak> {
         let (hz, gain, bend) = self.under(axis, f64::from(repeats))?;
         // The log likelihood is half of the squares.

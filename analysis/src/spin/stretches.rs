@@ -20,12 +20,12 @@ const GAP: f64 = 0.25;
 pub struct Stretches {
     /// The middle of each, s from the middle of the pass.
     pub time_s: Vec<f64>,
-    /// Of each harmonic by stretch: the light is Re Σ A e^{2πi h f t}, in units of the variation's root mean square.
+    /// By harmonic and stretch: the light is Re Σ A e^{2πi h f t}, in units of the variation's root mean square.
     pub amplitudes: Vec<Vec<Complex<f64>>>,
 }
 
 impl Stretches {
-    /// Of one channel at a frequency; times from `middle_s`. `None` where it has no three stretches with enough samples.
+    /// Fits one channel at a frequency; times from `middle_s`. `None` where it has no three stretches with enough samples.
     pub fn new(series: &Series, middle_s: f64, hz: f64) -> Option<Self> {
         let span = series.span_s();
         let turns = span * hz;

@@ -158,7 +158,7 @@ pub struct MountKnown {
 pub struct MountTime {
     /// When it said so.
     pub utc: Epoch,
-    /// Its clock.
+    /// The clock.
     pub clock: MountClock,
 }
 

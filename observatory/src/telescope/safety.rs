@@ -80,7 +80,7 @@ pub enum Danger {
         "the mount's clock is {off_s:+.0} s off: what it takes for a right ascension is elsewhere on the sky; set its clock (--set-site, `set_site` in a plan, tells it site and time)"
     )]
     Time {
-        /// Its time less UTC, s.
+        /// Time of the mount less UTC, s.
         off_s: f64,
     },
     /// The clock was set.
@@ -406,7 +406,7 @@ impl Guard {
         }
     }
 
-    /// What is in doubt about a mount that was asked for its site and its time; silence is no doubt.
+    /// Returns what is in doubt about a mount that was asked for its site and its time; silence is no doubt.
     ///
     /// # Errors
     /// See [`DeviceError`].
