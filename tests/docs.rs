@@ -339,6 +339,21 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     std::fs::write(folder.path("nights.csv"), nights).unwrap();
     keys(&folder.json(&["analyse", "period", "nights.csv", "--json", "-q"]), &mut printed);
+    let names = crate::common::tumbling_stage(&folder, 3);
+    let mut spin = vec![
+        "analyse",
+        "spin",
+        "--pass",
+        "stage.toml",
+        "--station",
+        "ufo",
+        "--channel",
+        "g",
+        "--json",
+        "-q",
+    ];
+    spin.extend(names.iter().map(String::as_str));
+    keys(&folder.json(&spin), &mut printed);
     // Stars, and what they calibrate.
     crate::common::star_night::night(&folder, "2020-11-18", 1.0);
     crate::common::star_night::night(&folder, "2020-11-19", 1.0);

@@ -257,6 +257,9 @@ fn the_commands_of_the_page_run() {
     let page = std::fs::read_to_string(root.join("docs/planning.md")).unwrap();
     std::fs::create_dir_all(folder.path("sunglint-demo/simulated")).unwrap();
     for entry in std::fs::read_dir(root.join("rehearsal/demo")).unwrap().flatten() {
+        if entry.path().is_dir() {
+            continue;
+        }
         let name = entry.file_name().into_string().unwrap();
         std::fs::copy(entry.path(), folder.path(&format!("sunglint-demo/{name}"))).unwrap();
     }

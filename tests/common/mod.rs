@@ -166,3 +166,27 @@ impl Drop for Folder {
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
+
+/// Writes a scene, `stage.toml`, of a cylinder that tumbles in 21.7 s about an axis at 120°, +35° (synthetic), and the curves of the longest of its passes, at most six. Returns their names.
+pub fn tumbling_stage(folder: &Folder, passes: usize) -> Vec<String> {
+    let elements = "ISS (ZARYA)\n1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
+    std::fs::write(folder.path("stage.tle"), elements).unwrap();
+    let scene = "name = \"stage\"\n[target]\nname = \"stage\"\n[[target.part]]\nname = \"tank\"\nshape = \"cylinder\"\nradius_m = 1.0\nheight_m = 7.0\nmaterial = \"white\"\n\
+        [orbit]\ntle = \"stage.tle\"\nnorad_id = 25544\n[attitude]\nlaw = \"spin\"\naxis_body = [1, 0, 0]\naxis_ra_dec_deg = [120, 35]\nphase_deg = 0\nperiod_s = 21.7\n\
+        epoch_utc = 2008-09-21T00:00:00Z\n[station]\nname = \"ufo\"\n[times]\nfrom = 2008-09-21T18:43:47Z\nto = 2008-09-21T18:53:47Z\nstep_s = 0.5\nexposure_s = 0.1\n";
+    std::fs::write(folder.path("stage.toml"), scene).unwrap();
+    let all = [
+        ("2008-09-26T17:47:58", "2008-09-26T17:53:51"),
+        ("2008-09-23T18:03:45", "2008-09-23T18:09:04"),
+        ("2008-09-24T18:30:08", "2008-09-24T18:34:40"),
+        ("2008-09-25T18:56:51", "2008-09-25T19:00:12"),
+        ("2008-09-21T18:46:00", "2008-09-21T18:49:09"),
+        ("2008-09-22T19:12:20", "2008-09-22T19:14:59"),
+    ];
+    let names: Vec<String> = (1..=passes).map(|k| format!("night{k}.ecsv")).collect();
+    for ((from, to), name) in all.iter().zip(&names) {
+        let times = ["--from", from, "--to", to, "--tolerance", "1e-2"];
+        folder.done(&[&["simulate", "stage.toml", "-q", "-o", name][..], &times].concat());
+    }
+    names
+}
