@@ -160,7 +160,7 @@ fn tumbler(seed: u64) -> Tumbler {
     };
     let step = (period_s / 60.0).clamp(0.1, 1.0);
     let passes = spans.iter().enumerate().map(|(k, (from, to))| {
-        let zero = (random.random_range(-0.5..0.5) as f64).exp();
+        let zero = f64::exp(random.random_range(-0.5..0.5));
         let seen = |t: f64| {
             let (body, sun) = (world.body(t), world.sun(t));
             (sun, (world.station(t) - body).normalize())

@@ -189,7 +189,7 @@ pub fn rehearse(
     let cone = SunCone::default().with_limit_deg(wanted.limits.sun_limit_deg);
     let guard = Guard::of(&station.site, mount.abilities(), cone)
         .with_horizon(station.horizon.clone(), wanted.limits.min_altitude_deg);
-    let mut options = wanted.options.clone();
+    let mut options = wanted.options;
     let plan = PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None, &options);
     let mut rehearsed = Rehearsed { plan, ended: None, steps: Vec::new(), truth: Vec::new() };
     if wanted.only_plan || rehearsed.plan.refused.is_some() {

@@ -4,8 +4,8 @@
 //! of Sun and observer about the spin axis ([`crate::synodic`]), and n repetitions of the light to a turn of the body. From pass to pass λ moves otherwise, so that the apparent frequencies differ: by how much is
 //! what tells axis and sense, and with them f. A body whose halves look alike has n = 2: its frequencies differ by twice as much.
 //!
-//! Each pass gives amplitudes of harmonics in stretches of a few turns ([`stretches`]); an axis turns their phases, and a frequency is found at which they agree ([`scan`]). The axes, n, and how far the
-//! light is no function of λ (a slip of the phase over a pass), are summed over with their likelihoods; frequency and drift are linear and summed over in closed form ([`posterior`]). So the intervals of
+//! Each pass gives amplitudes of harmonics in stretches of a few turns; an axis turns their phases, and a frequency is found at which they agree. The axes, n, and how far the
+//! light is no function of λ (a slip of the phase over a pass), are summed over with their likelihoods; frequency and drift are linear and summed over in closed form. So the intervals of
 //! the period hold the axes that fit as well, and both senses where the passes do not tell.
 
 mod chain;

@@ -48,7 +48,7 @@ impl Stretches {
             let n = series.len() as f64;
             (series.value.iter().map(|v| (v - level).powi(2)).sum::<f64>() / n).sqrt()
         };
-        if !(deviation > 0.0) {
+        if deviation <= 0.0 || deviation.is_nan() {
             return None;
         }
         let first = series.time_s.first().copied()?;
