@@ -183,16 +183,6 @@ impl Series {
         }
     }
 
-    /// Returns the pieces between gaps longer than `gap_s`, each with the weights of [`Series::piece`].
-    pub fn parted(&self, gap_s: f64) -> Vec<Self> {
-        let gaps = self.time_s.windows(2).filter(|t| t[1] - t[0] > gap_s);
-        let mut edges = vec![f64::NEG_INFINITY];
-        edges.extend(gaps.map(|t| 0.5 * (t[0] + t[1])));
-        edges.push(f64::INFINITY);
-        let piece = |edge: &[f64]| self.piece(self.name.clone(), edge[0], edge[1]);
-        edges.windows(2).map(piece).filter(|s| !s.is_empty()).collect()
-    }
-
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time_s.len()

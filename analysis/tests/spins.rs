@@ -204,7 +204,7 @@ const COLUMNS: [&str; 12] = [
 ];
 
 /// Truth: the spin that was put in: periods of 2 to 120 s, drifts of up to 1e-3 a day, axes all over the sky, 3 to 20 passes in thirty days, a zero point free in each, noise of 0.02 to 0.14 mag.
-/// Tolerance: of those with one answer at most 1 % are off by more than 5 % (another number of repetitions), and nine of ten intervals hold period and drift; the issue of 95 % is in the figures.
+/// Tolerance: of those with one answer at most 1 % are off by more than 5 % (another number of repetitions), and nine of ten intervals hold period and drift, which are stated at 95 %: of some fifty, six misses would have a chance of 2 %.
 #[test]
 fn campaign_tumbling_stages() {
     let mut campaign = Campaign::in_shards("tumbling_stages", 300, 3, &COLUMNS);

@@ -53,7 +53,7 @@ pub(super) fn run(args: &SpinArgs, console: Console) -> anyhow::Result<()> {
     }
     let curves = args.curves.read()?;
     let mut warnings = curves.warnings.clone();
-    let pieces = curves.series()?.iter().flat_map(|s| s.parted(args.gap)).collect();
+    let (pieces, _) = curves.tracks(args.gap)?;
     let mut seen = Vec::new();
     for (k, series) in by_pass(pieces, args.gap).into_iter().enumerate() {
         let name = format!("pass {}", k + 1);

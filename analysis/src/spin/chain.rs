@@ -13,6 +13,8 @@ const WITHIN: f64 = 3.0;
 const MOST: f64 = 0.2;
 /// A pass that shows half of a period speaks for it by this much: its halves may look alike there.
 const OF_HALF: f64 = 0.5;
+/// A pass whose best period is no answer speaks for a period by this much.
+const OF_REFUSED: f64 = 0.5;
 /// Share of the passes with a period that must agree.
 const AGREE: f64 = 0.6;
 const DAY_S: f64 = 86_400.0;
@@ -22,12 +24,9 @@ const DAY_S: f64 = 86_400.0;
 struct Candidate {
     period_s: f64,
     sigma_s: f64,
-    /// How much it speaks for its period.
+    /// Weight with which it speaks for its period.
     weight: f64,
 }
-
-/// A pass whose best period is no answer speaks for a period by this much.
-const OF_REFUSED: f64 = 0.5;
 
 /// The passes that show the shared period, with the apparent frequency, Hz.
 type Shown = Vec<(usize, f64)>;
@@ -39,10 +38,7 @@ pub fn of_passes(
 ) -> Result<(SpinFound, Result<Shown, NoSpin>), PeriodError> {
     let asked = passes.par_iter().map(|pass| {
         let verdict = verdict(&pass.series, &options.search)?;
-        let times =
-            pass.series.iter().flat_map(|s| s.time_s.first().into_iter().chain(s.time_s.last()));
-        let (first, last) =
-            times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
+        let (first, last) = pass.ends_s();
         let middle_s = 0.5 * (first + last);
         Ok(PassFound {
             name: pass.name.clone(),

@@ -20,7 +20,7 @@ use crate::series::Series;
 use crate::synodic::Bisectors;
 use glam::DVec3;
 
-/// Passes with a period at least: frequency, drift and two angles of an axis are four unknowns.
+/// Passes at least. Frequency, drift and two angles of an axis are four unknowns; each pass has a frequency, and how that bends.
 pub const LEAST_PASSES: usize = 3;
 /// Share of the likelihood that one answer must have to be told as the only one.
 pub const SURE: f64 = 0.99;
@@ -36,12 +36,20 @@ pub struct SpinPass {
     pub path: Bisectors,
 }
 
+impl SpinPass {
+    /// From the first sample to the last of all channels, s.
+    fn ends_s(&self) -> (f64, f64) {
+        let ends = self.series.iter().flat_map(|s| [s.time_s.first(), s.time_s.last()]).flatten();
+        ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)))
+    }
+}
+
 /// Options of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpinOptions {
     /// Bounds of the period in each pass.
     pub search: crate::period::Options,
-    /// Standard deviation of the drift that is expected, as a share of the period and day. Passes are taken together over days where it allows.
+    /// Standard deviation of the drift that is expected, as a share of the period and day.
     pub drift_per_day: f64,
 }
 
@@ -137,7 +145,7 @@ pub struct SpinFound {
     pub spins: Vec<Spin>,
     /// Why there is none.
     pub refused: Option<NoSpin>,
-    /// The moment of the periods, s: where it is known best, between the passes.
+    /// The moment of the periods: the mean of the passes' middles, s.
     pub epoch_s: f64,
     /// Each pass.
     pub passes: Vec<PassFound>,

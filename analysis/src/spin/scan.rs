@@ -33,7 +33,7 @@ pub struct Peak {
 pub struct Scan {
     /// Place in the list.
     pub number: usize,
-    /// The middle, s, and from its first to its last stretch, s.
+    /// The middle between its first and its last sample, s, and the time between them, s.
     pub middle_s: f64,
     pub span_s: f64,
     channels: Vec<Channel>,
@@ -100,9 +100,7 @@ impl Channel {
 impl Scan {
     /// Reads a pass that repeats at an apparent frequency; `None` where no channel has stretches enough.
     pub fn new(pass: &SpinPass, number: usize, nominal_hz: f64) -> Option<Self> {
-        let ends = pass.series.iter().flat_map(|s| [s.time_s.first(), s.time_s.last()]).flatten();
-        let (first, last) =
-            ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
+        let (first, last) = pass.ends_s();
         let middle_s = 0.5 * (first + last);
         let stretches = pass.series.iter().filter_map(|s| Stretches::new(s, middle_s, nominal_hz));
         let channels: Vec<Channel> = stretches.map(Channel::new).collect();
