@@ -7,13 +7,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 use std::time::Duration;
 use sunglint_formats::FileError;
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::sha256;
 use sunglint_numerics::progress::{Cancelled, Progress};
 
+/// Age from which on a file that was being written is nobody's.
+const ABANDONED: Duration = Duration::from_secs(3600);
 /// File that says which study a folder holds.
 const MARK: &str = "study.json";
 /// File that lists the shards of a study that is done.
@@ -176,14 +177,16 @@ pub fn run(
     Ok(Ran { made: missing.len(), found: wanted.len() - missing.len(), report, manifest })
 }
 
-/// Removes what killed tasks left of files that were being written. All shards are there: whoever still writes one has nothing to add.
+/// Removes what killed tasks left of files that were being written, an hour ago or more: another run may be writing now.
 fn clean(study: &Study, folder: &Path) {
     for table in tables(study) {
         let Ok(entries) = std::fs::read_dir(folder.join(table)) else { continue };
         for entry in entries.flatten() {
             let name = entry.file_name();
             let name = name.as_encoded_bytes();
-            if name.starts_with(b".sunglint-") && name.ends_with(b".part") {
+            let since = entry.metadata().and_then(|about| about.modified());
+            let is_old = since.is_ok_and(|t| t.elapsed().is_ok_and(|age| age > ABANDONED));
+            if is_old && name.starts_with(b".sunglint-") && name.ends_with(b".part") {
                 // What cannot be removed does no harm: no reader takes a hidden file.
                 let _ = std::fs::remove_file(entry.path());
             }
@@ -297,8 +300,14 @@ fn make(
     let tasks = study.shard(shard);
     let first = study.task(tasks.start).0;
     let points = study.task(tasks.end - 1).0 - first + 1;
-    let scenes: Vec<OnceLock<Result<Scene, String>>> =
-        std::iter::repeat_with(OnceLock::new).take(points).collect();
+    // Before the tasks, and behind no lock: a thread that waits within a scene for others takes up other work, and must not meet a scene there that it is making itself.
+    let scenes = (first..first + points)
+        .into_par_iter()
+        .map(|point| match progress.is_cancelled() {
+            true => Err(Cancelled),
+            false => Ok(caught(|| Scene::new(study, point)).unwrap_or_else(Err)),
+        })
+        .collect::<Result<Vec<Result<Scene, String>>, Cancelled>>()?;
     let outcomes = tasks
         .into_par_iter()
         .map(|task| {
@@ -306,9 +315,7 @@ fn make(
                 return Err(Cancelled);
             }
             let point = study.task(task).0;
-            let scene = scenes[point - first]
-                .get_or_init(|| caught(|| Scene::new(study, point)).unwrap_or_else(Err));
-            let outcome = caught(|| task::run(study, task, scene))
+            let outcome = caught(|| task::run(study, task, &scenes[point - first]))
                 .unwrap_or_else(|why| task::failed(study, task, why));
             progress.advance(1);
             Ok(outcome)

@@ -567,7 +567,7 @@ impl Job {
 
     /// States of the job's tasks that wait, run or end; `None` where Slurm lists none.
     fn state(&self, queue: &Path, progress: &dyn Progress) -> Result<Option<States>, StudyError> {
-        let mut arguments = vec!["--noheader", "--jobs", &self.id, "--format", "%T %r"];
+        let mut arguments = vec!["--noheader", "--all", "--jobs", &self.id, "--format", "%T %r"];
         if let Some(cluster) = &self.cluster {
             arguments.extend(["--clusters", cluster]);
         }

@@ -153,6 +153,12 @@ fn one_core_eight_threads_parts_and_stops_give_the_same_bytes() {
     run(&study, &parts, Part { part: 1, of: 2 }, &Silent).expect("done");
     assert!(left.exists(), "somebody may be writing it");
     run(&study, &parts, Part::ALL, &Silent).expect("done");
+    assert!(left.exists(), "another run may be writing it");
+    let long_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(7200);
+    let file = std::fs::File::options().write(true).open(&left).expect("opened");
+    file.set_modified(long_ago).expect("set");
+    drop(file);
+    run(&study, &parts, Part::ALL, &Silent).expect("done");
     assert_eq!(alone, files(&parts));
 }
 
