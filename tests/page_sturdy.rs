@@ -327,9 +327,9 @@ fn the_whole_night_is_on_the_page() {
     changed(
         &mut browser,
         "api/live",
-        "const v = view.counts.tagger; if (v.start_s.length > 30) { for (const list of [v.start_s, v.length_s, v.flags, ...v.rate_hz, ...view.corrected_hz.tagger]) list.splice(0, list.length - 20); }",
+        "view.now_s += 100; const v = view.counts.tagger; if (v.start_s.length > 30) { for (const list of [v.start_s, v.length_s, v.flags, ...v.rate_hz, ...view.corrected_hz.tagger]) list.splice(0, list.length - 20); }",
     );
-    // As after a long night: the small points are the last ones.
+    // As after a long night: the small points are the last ones, and reach back by more than a minute.
     browser.run("Object.assign(sunglint, { counts: {}, seen: { events: sunglint.seen.events, counts: {} } })");
     browser.until("sunglint.counts.tagger?.start_s[0] > 20");
     browser.run("(() => { const s = document.getElementById('span'); s.value = 'all'; s.dispatchEvent(new Event('change')); })()");

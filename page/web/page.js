@@ -626,7 +626,7 @@ function crossKey(event) {
 function range() {
   const wanted = $("span").value;
   const now = S.live ? S.live.now_s : S.t;
-  if (wanted === "all") return S.live ? [Math.min(now - 60, S.history[S.counter]?.start_s[0] ?? S.counts[S.counter]?.start_s[0] ?? now), now] : [0, S.about.length_s];
+  if (wanted === "all") return S.live ? [Math.min(now - 60, S.history[S.counter]?.start_s[0] ?? 0), now] : [0, S.about.length_s];
   if (wanted === "visit") {
     const visit = S.live ? S.live.target && { from_s: S.live.target.from_s, to_s: Math.min(now, S.live.target.to_s ?? now) } : visitAt(now);
     if (visit) return [visit.from_s, Math.max(visit.to_s, visit.from_s + 1)];
@@ -1956,7 +1956,7 @@ const schedule = latest(async () => {
 });
 
 // Alarms: of each kind and device when it was last there, and those that were told, the last ones.
-const A = { seen: new Map(), told: [], full: false, silent: false, audio: null, beeps: 0 };
+const A = { seen: new Map(), last: new Set(), told: [], full: false, silent: false, audio: null, beeps: 0 };
 window.sunglint.alarms = A;
 // An alarm that was away for less than this is the same one: a device that comes and goes rings once, ms.
 const SAME = 60000;
@@ -1976,8 +1976,10 @@ function alarmsOf(view) {
 function alarms() {
   const all = alarmsOf(S.live);
   const now = Date.now();
-  const fresh = all.filter(([key]) => !(now - A.seen.get(key) < SAME));
+  const fresh = all.filter(([key]) => !A.last.has(key) && !(now - A.seen.get(key) < SAME));
   for (const [key] of all) A.seen.set(key, now);
+  // The timers of a page that nobody sees may come once a minute: what was there the last time is not new.
+  A.last = new Set(all.map(([key]) => key));
   const text = all.map(([, said]) => said).join(" · ");
   if ($("alarm").textContent !== text) $("alarm").textContent = text;
   $("alarm").hidden = !text;
