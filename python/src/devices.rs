@@ -28,6 +28,7 @@ type Job = Box<dyn FnOnce(&mut OpenDevice) + Send>;
 #[pyclass(frozen, module = "sunglint._core")]
 pub struct Device {
     jobs: Mutex<Option<Sender<Job>>>,
+    thread: Mutex<Option<std::thread::JoinHandle<()>>>,
     cancel: Cancel,
     kind: Kind,
     title: String,
@@ -88,7 +89,8 @@ impl Device {
             let (jobs, received) = channel::<Job>();
             let (told, opened) = channel::<Result<String, Failure>>();
             let token = cancel.clone();
-            std::thread::Builder::new().name("sunglint device".into()).spawn(move || {
+            let thread = std::thread::Builder::new().name("sunglint device".into());
+            let thread = thread.spawn(move || {
                 let peer = Peer::live(&token);
                 let host = |address: &Address| {
                     format!("sunglint {} in Python, {address}", env!("CARGO_PKG_VERSION"))
@@ -126,7 +128,8 @@ impl Device {
                     Err(RecvTimeoutError::Timeout) => {}
                 }
             };
-            Ok(Self { jobs: Mutex::new(Some(jobs)), cancel, kind, title })
+            let (jobs, thread) = (Mutex::new(Some(jobs)), Mutex::new(Some(thread)));
+            Ok(Self { jobs, thread, cancel, kind, title })
         })
     }
 
@@ -217,7 +220,14 @@ impl Device {
     /// Closes the line; a recording is whole then.
     fn close(&self, py: Python<'_>) {
         let jobs = self.jobs.lock().unwrap_or_else(PoisonError::into_inner).take();
-        py.detach(|| drop(jobs));
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        py.detach(|| {
+            drop(jobs);
+            // The line and the recording are closed when this returns. A thread that panicked has said so.
+            if let Some(thread) = thread {
+                let _ = thread.join();
+            }
+        });
     }
 }
 

@@ -43,8 +43,8 @@ impl Default for MountSettings {
     }
 }
 
-/// Readings in a row in which a mount that has rates does not say that it moves, though it said so at these rates before: somebody stopped it.
-const STANDS: u32 = 2;
+/// Time for which a mount that has rates does not say that it moves, though it said so at these rates before: somebody stopped it. What it says may be as old.
+const STANDS: Duration = Duration::from_secs(1);
 
 /// Rates in force, and what `Slewing` says of them.
 #[derive(Debug, Clone, Copy, Default)]
@@ -53,8 +53,8 @@ struct Turning {
     deg_s: [f64; 2],
     /// The faster of the two that were sent, deg/s.
     fastest_deg_s: f64,
-    /// Readings in a row in which it did not say that it moves.
-    silent: u32,
+    /// Since when it does not say that it moves.
+    silent: Option<Duration>,
 }
 
 /// A place that the mount was sent to.
@@ -84,6 +84,8 @@ pub struct Mount<T> {
     rates: Option<Turning>,
     /// Slowest rate at which it said that it slews, deg/s: not every mount says so of every rate.
     says_from_deg_s: f64,
+    /// Rates until they gave way to others, within the last second: when, and the faster axis, deg/s.
+    sent: Vec<(Duration, f64)>,
     goal: Option<Goal>,
 }
 
@@ -128,6 +130,7 @@ impl<T: Bytes> Mount<T> {
             pier: None,
             rates: None,
             says_from_deg_s: f64::INFINITY,
+            sent: Vec::new(),
             goal: None,
         })
     }
@@ -181,12 +184,19 @@ impl<T: Bytes> Mount<T> {
         }
         let says_from_deg_s = self.says_from_deg_s;
         let Some(turning) = &mut self.rates else { return Ok(MountMotion::Still) };
-        if slewing && turning.fastest_deg_s > 0.0 {
-            self.says_from_deg_s = says_from_deg_s.min(turning.fastest_deg_s);
+        // It may speak of rates of a moment ago.
+        let now = deadline.now();
+        let late = self.sent.iter().filter(|(at, _)| now.saturating_sub(*at) < STANDS);
+        let fastest_deg_s = late.map(|(_, deg_s)| *deg_s).fold(turning.fastest_deg_s, f64::max);
+        if slewing && fastest_deg_s > 0.0 {
+            self.says_from_deg_s = says_from_deg_s.min(fastest_deg_s);
         }
-        let stands = !slewing && turning.fastest_deg_s >= says_from_deg_s;
-        turning.silent = if stands { turning.silent.saturating_add(1) } else { 0 };
-        Ok(if turning.silent >= STANDS { MountMotion::Still } else { MountMotion::Tracking })
+        turning.silent = match !slewing && turning.fastest_deg_s >= says_from_deg_s {
+            true => Some(turning.silent.unwrap_or(now)),
+            false => None,
+        };
+        let stands = turning.silent.is_some_and(|since| now.saturating_sub(since) >= STANDS);
+        Ok(if stands { MountMotion::Still } else { MountMotion::Tracking })
     }
 
     /// Motion as the mount says it, held against where it stands after a goto.
@@ -594,7 +604,10 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let rates = [0, 1].map(|axis| senses[axis] * self.abilities.taken_deg_s(axis, deg_s[axis]));
         self.goal = None;
         let fastest_deg_s = rates[0].abs().max(rates[1].abs());
-        let silent = self.rates.map_or(0, |turning| turning.silent);
+        let now = deadline.now();
+        self.sent.retain(|(at, _)| now.saturating_sub(*at) < STANDS);
+        self.sent.push((now, self.rates.map_or(0.0, |turning| turning.fastest_deg_s)));
+        let silent = self.rates.and_then(|turning| turning.silent);
         self.rates = Some(Turning { deg_s, fastest_deg_s, silent });
         self.move_axes(rates, deadline)
     }
@@ -669,6 +682,8 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let hours = self.session.optional_number("siderealtime", deadline)?;
         let utc = begun + 0.5 * (utc_now() - begun);
         let clock = |hours: f64| MountClock::SiderealDeg((hours * 15.0).rem_euclid(360.0));
+        // A driver that knows none says 0.
+        let hours = hours.filter(|hours| *hours != 0.0);
         Ok(hours.map(|hours| MountTime { utc, clock: clock(hours) }))
     }
 

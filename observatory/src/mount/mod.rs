@@ -203,8 +203,14 @@ impl MountWork {
             Err(_) => worker.is_over(),
         };
         // What a person stopped is not moved by the night's end.
-        if self.plan.park && stopped.is_ok() && orderly && self.hand.want() != Want::Stand {
-            self.park(mount.as_mut(), &guard, &mut dog, worker);
+        if self.plan.park
+            && stopped.is_ok()
+            && orderly
+            && self.hand.want() != Want::Stand
+            && !self.park(mount.as_mut(), &guard, &mut dog, worker)
+        {
+            // It may be on its way still: the watchdog stops it, and ends.
+            drop(dog.take());
         }
         if let Some(dog) = dog {
             dog.done();

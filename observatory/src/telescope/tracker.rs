@@ -1170,9 +1170,8 @@ impl<'a> Tracker<'a> {
             return Ok(());
         };
         if let Some(from_s) = &mut self.search_from_s {
-            // The target is not down there: the search begins anew in the middle.
+            // The target is not down there: the search begins anew in the middle, which is not low but where the mount itself is.
             *from_s = now_s;
-            return Ok(());
         }
         match now_s - *self.low_s.get_or_insert(now_s) > LOW.1 {
             true => Err(danger.into()),
