@@ -170,7 +170,7 @@ fn an_array_of_slurm_makes_the_study() {
     let log = std::fs::read_to_string(log).unwrap();
     let (looked, log) = log.split_once('\n').unwrap();
     assert_eq!(looked, "--noheader --all --me --format %F %k;;");
-    assert_eq!(log, "--parsable --array=1-3\n--noheader --jobs 5 --format %T %r;;\n");
+    assert_eq!(log, "--parsable --array=1-3\n--noheader --all --jobs 5 --format %T %r;;\n");
     let script = std::fs::read_to_string(folder.path("out/study.sbatch")).unwrap();
     assert!(script.contains(" --threads 2 --part "), "{script}");
     // The tasks' shells need not know what this one's says.

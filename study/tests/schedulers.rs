@@ -180,7 +180,7 @@ fn an_array_is_waited_for_by_the_queue() {
         &format!(
             r#"#!/bin/sh
 [ "$3" = --me ] && exit
-[ "$3" = 71 ] || exit 9
+[ "$4" = 71 ] || exit 9
 echo look >> {log}
 case $(grep -c look {log}) in
   1) echo "PENDING Priority"; echo "RUNNING None" ;;
@@ -281,7 +281,7 @@ fn a_job_on_another_cluster_is_waited_for_there() {
     let log = std::fs::read_to_string(&log).expect("a log");
     assert_eq!(
         log,
-        "--noheader --all --me --format %F %k --clusters near,far;0\n--noheader --jobs 7 --format %T %r --clusters far;0\n"
+        "--noheader --all --me --format %F %k --clusters near,far;0\n--noheader --all --jobs 7 --format %T %r --clusters far;0\n"
     );
 }
 
