@@ -307,7 +307,7 @@ fn a_job_is_gone_on_with_after_ctrl_c() {
 
     let squeue = executable(
         &dir.path().join("squeue"),
-        &format!("#!/bin/sh\n[ \"$3\" = 12 ] || exit 9\n{copy}\necho RUNNING None\n"),
+        &format!("#!/bin/sh\n[ \"$4\" = 12 ] || exit 9\n{copy}\necho RUNNING None\n"),
     );
     array(sbatch.clone(), Some(squeue)).submit(&study, &out, &Silent).expect("all there");
     assert_eq!(std::fs::read_to_string(&log).expect("a log"), "submitted\n");
@@ -332,7 +332,7 @@ fn an_array_without_a_number_is_found_by_its_comment() {
         executable(
             &dir.path().join(name),
             &format!(
-                "#!/bin/sh\nif [ \"$3\" = --me ]; then {shown}; exit 0; fi\n[ \"$3\" = 44 ] || exit 9\n{copy}\necho RUNNING None\n"
+                "#!/bin/sh\nif [ \"$3\" = --me ]; then {shown}; exit 0; fi\n[ \"$4\" = 44 ] || exit 9\n{copy}\necho RUNNING None\n"
             ),
         )
     };
