@@ -375,3 +375,31 @@ fn the_whole_night_is_on_the_page() {
     }
     assert!(at > 200, "{at}");
 }
+
+/// A style or a program that did not come (the browser refuses them for a while, as a server that breaks the connection does) is asked for again by the page. Truth: the colours that
+/// the browser computes, and the page's own word.
+#[test]
+fn files_of_the_page_that_did_not_come_are_asked_for_again() {
+    let test = "files_of_the_page_that_did_not_come_are_asked_for_again";
+    let Some(mut browser) = Browser::start(test) else { return };
+    let folder = Folder::new("page-files");
+    Recording { seconds: 20.0, frame_px: 40, ..Recording::default() }.write(&folder.path("night"));
+    let args = ["page", "night", "--no-open", "--address", "127.0.0.1:0"];
+    let serving = Serving::start(&folder, &args);
+    browser.call("Network.enable", json!({}));
+    let bare = "getComputedStyle(document.querySelector('.skip')).position === 'static'";
+    for (file, lacks) in [
+        ("page.css", bare),
+        ("page.js", "document.getElementById('mode')?.innerText.toLowerCase() === 'connecting'"),
+    ] {
+        browser.call("Network.setBlockedURLs", json!({"urls": [format!("*/{file}")]}));
+        browser.call("Page.navigate", json!({"url": "about:blank"}));
+        browser.call("Page.navigate", json!({"url": serving.url.clone()}));
+        browser.until(&format!("document.readyState === 'complete' && {lacks}"));
+        browser.call("Network.setBlockedURLs", json!({"urls": []}));
+        browser.until(&format!(
+            "document.documentElement?.dataset.ready === 'yes' && !({bare}) && sunglint.frame !== undefined"
+        ));
+        browser.complaints.clear();
+    }
+}

@@ -2396,4 +2396,6 @@ async function begin() {
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
 export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, onToken, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc, wakened, warnings };
+// This program came: theme.js may load the page again when it does not.
+try { sessionStorage.setItem("sunglint-reloads", 0); } catch { /* nothing is kept */ }
 begin();
