@@ -183,6 +183,39 @@ pub fn weighted_quantile(weighted: &[(f64, f64)], part: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// Truth: the median of all values, by sorting: to a part in 8192 beyond what is kept, exactly up to that; negative values, zeros and infinite ones among them.
+    #[test]
+    fn a_running_median_is_the_median() {
+        let value = |i: usize| {
+            let x = (i as f64 * 0.618_033_988_749_894_9).fract();
+            match i % 97 {
+                0 => 0.0,
+                1 => f64::INFINITY,
+                2 => -1e-3 / (x + 1e-9),
+                _ => 10_f64.powf(20.0 * x - 12.0),
+            }
+        };
+        for count in [1, 2, 1000, RunningMedian::EXACT, RunningMedian::EXACT + 1, 900_000] {
+            let mut running = RunningMedian::default();
+            (0..count).for_each(|i| running.add(value(i)));
+            running.add(f64::NAN);
+            let known = median((0..count).map(value)).unwrap();
+            let found = running.median().unwrap();
+            let allowed = if count > RunningMedian::EXACT { known.abs() / 8192.0 } else { 0.0 };
+            let good = found == known || (found - known).abs() <= allowed;
+            assert!(good, "{count}: {found} {known}");
+            assert_eq!(running.count(), count as u64);
+            assert_eq!(running.largest(), (0..count).map(value).reduce(f64::max));
+        }
+        let mut zeros = RunningMedian::default();
+        (0..RunningMedian::EXACT + 10).for_each(|_| zeros.add(0.0));
+        assert_eq!(zeros.median(), Some(0.0));
+        let mut less = RunningMedian::default();
+        (0..RunningMedian::EXACT + 10).for_each(|i| less.add(-1.0 - i as f64));
+        let known = -1.0 - 0.5 * (RunningMedian::EXACT + 9) as f64;
+        assert!((less.median().unwrap() / known - 1.0).abs() < 1.0 / 8192.0);
+    }
+
     /// Truth: the definition, by sorting; numbers from a congruence. Infinite values are values.
     #[test]
     fn the_median_is_that_of_the_sorted_values() {
