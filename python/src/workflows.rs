@@ -25,8 +25,9 @@ use sunglint_inference::measured::joined;
 use sunglint_radiometry::air::{Air, AirOptions};
 use sunglint_radiometry::light_curve::published::{MagnitudeKind, MagnitudeOptions};
 use sunglint_radiometry::station::Station;
+use sunglint_report::simulate::{Gathered, SimulationReport};
 use sunglint_report::{Product, explain, folder, import, period};
-use sunglint_simulator::pass::{Overrides, Pass, PassFile, Stopwatch};
+use sunglint_simulator::pass::{Overrides, Pass, PassFile, Piece, Stopwatch};
 use sunglint_study::run::Part;
 use sunglint_study::{Stations, Study};
 
@@ -209,14 +210,17 @@ fn simulate(
         warnings.extend(pass.concerns_of_times());
         let material =
             simulation.material_doubt(&|_| {}).map_err(|e| format!("{}: {e}", scene.display()))?;
-        let report = sunglint_report::simulate::SimulationReport {
-            polarisation: None,
-            simulation: &simulation,
-            material,
+        let piece = Piece { simulation: &simulation, material, polarisation: None };
+        let mut gathered = Gathered::new(&pass);
+        gathered.add(&piece);
+        let report = SimulationReport {
+            gathered: &gathered,
+            polarised: false,
+            bounds: simulation.bounds,
             cost: clock.cost(),
             warnings: &warnings,
         };
-        let (product, text) = (report.product()?, report.text());
+        let (product, text) = (report.whole_product(&piece)?, report.text());
         Ok(Outcome::new(product, text, warnings.clone()))
     })
 }

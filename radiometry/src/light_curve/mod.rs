@@ -14,7 +14,7 @@ mod tracks;
 pub use flags::{Flags, TOLERATED};
 pub use provenance::{Input, Provenance};
 pub use samples::Samples;
-pub use spectral::{SpectralLightCurve, SpectralQuantity};
+pub use spectral::{SpectralFile, SpectralLightCurve, SpectralQuantity};
 pub use tracks::{Track, tracks, usual_step_s};
 
 use samples::{Reader, row};
