@@ -5,6 +5,7 @@ use hifitime::Epoch;
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use sunglint_drivers::catalogue::Address;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock, utc_now};
 use sunglint_drivers::device::{
     Camera as _, Device as _, DeviceError, FilterWheel as _, RotationStage as _, Window,
@@ -15,6 +16,7 @@ use sunglint_drivers::indi::{
 use sunglint_drivers::simulated::indi::{
     CameraSpec, OneColour, Packing, Ramp, Scene, Server, ServerSettings, Simulated, Trouble, serve,
 };
+use sunglint_drivers::transport::tcp::Tcp;
 use sunglint_drivers::transport::{Bytes, TransportError};
 use sunglint_formats::{Bayer, Frame};
 
@@ -436,6 +438,32 @@ fn rotator_and_wheel_and_how_they_fail() {
     let begun = desk.clock.now();
     let stuck = wheel.select(2, &desk.within(10.0)).unwrap_err();
     assert_eq!((desk.clock.now() - begun, stuck.done), (Duration::from_secs(10), None));
+}
+
+/// A device whose name is misspelt. Truth: the server's own devices, which it tells only on another connection.
+#[test]
+fn a_server_without_the_device_is_asked_what_it_has() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut line = Tcp::from_stream(stream.unwrap()).unwrap();
+            let server = Server::new(ServerSettings::default(), Ramp);
+            std::thread::spawn(move || {
+                // The client's going away is the usual end.
+                let _ = serve(server, &mut line, &crate::common::within(60.0));
+            });
+        }
+    });
+    let mut address = Address::parse(&format!("indi-camera:{place}/Simulated Camra"), &[]).unwrap();
+    let deadline = crate::common::within(10.0);
+    let line = address.connect(&deadline).unwrap();
+    let error = address.open(line, &deadline).err().unwrap();
+    assert!(error.is_not_served() && error.is_permanent_setting());
+    let text = error.to_string();
+    for name in ["Simulated Camra", "Simulated Camera", "Simulated Rotator", "Simulated Wheel"] {
+        assert!(text.contains(name), "{name}: {text}");
+    }
 }
 
 /// The same server through a real socket: the client connects, the server dies in an exposure, comes back, and the client goes
