@@ -78,7 +78,9 @@ impl Course {
             return Some(Over::Lost);
         }
         let within = |change: &&Change| change.after < to && change.known > from;
-        if self.changes.iter().any(|change| within(&change)) {
+        // That it was found somewhere when it was opened is no change.
+        let opened = usize::from(self.count + 1 == self.changes.len() as u64);
+        if self.changes.iter().skip(opened).any(|change| within(&change)) {
             return Some(Over::Moved);
         }
         if self.looked < to {
@@ -492,6 +494,9 @@ mod tests {
         let stands = Stands::default();
         let over = |from: f64, to: f64| stands.over("wheel", [s(from), s(to)], Duration::ZERO);
         assert_eq!(over(0.0, 1.0), Some(Over::Lost));
+        let opened = Stands::default();
+        opened.said("wheel", vec![filter("B")], Some(s(1.0)), s(1.01));
+        assert_eq!(opened.over("wheel", [s(0.5), s(1.0)], Duration::ZERO), Some(Over::Lost));
         stands.said("wheel", vec![filter("B")], Some(s(0.0)), s(0.01));
         stands.said("wheel", vec![filter("B")], Some(s(2.0)), s(2.01));
         assert_eq!(over(0.5, 1.5), Some(Over::Stood(filter("B"))));

