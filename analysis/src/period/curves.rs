@@ -1,17 +1,16 @@
 //! The period of whole curves: the verdict of all channels, on the clock of the body where a pass says how that goes, and the periodograms to draw.
 
-use super::verdict::{Along, Outcome, verdict_along};
+use super::verdict::{Along, Outcome, Tracks, compared, verdict_along};
 use super::{
     FlashTrain, FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm,
     spectrum, verdict, window, with_flashes,
 };
-use crate::curves::Curves;
+use crate::curves::{Curves, GAP_S};
 use crate::series::{Series, SeriesError};
+use crate::spin::by_pass;
 use crate::synodic::{Bisectors, Sidereal};
 use sunglint_numerics::progress::Progress;
 
-/// A gap that parts tracks where the whole is too long to be looked at, s: turns over it are not counted by anyone.
-const GAP_S: f64 = 3600.0;
 /// Frequencies of the periodograms at most: every k-th where the search has more.
 const MOST_ROWS: usize = 20_000;
 /// Frequencies to a resolution.
@@ -21,13 +20,15 @@ const BINS: usize = 20;
 /// Warning that a scene cannot say how the body of several tracks was seen.
 pub const GEOMETRY_NOT_USED: &str =
     "the scene's geometry is not used: it is that of one pass, and these are several tracks";
+/// Begin of the warning that the period is not the same in all tracks.
+pub const PERIOD_CHANGES: &str = "the period changes from track to track";
 
 /// Options of the search for the period of whole curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeriodOptions {
     /// The shortest and the longest period.
     pub search: Options,
-    /// Gaps longer than this part a curve into tracks, s; `None`: an hour where the whole needs too many frequencies, else none.
+    /// Gaps longer than this part a curve into tracks, s; `None`: an hour where the body is near ([`Curves::is_near`]) or the whole needs too many frequencies, else none.
     pub gap_s: Option<f64>,
     /// Harmonics of the periodograms; the verdict chooses its own.
     pub harmonics: usize,
@@ -73,6 +74,8 @@ pub struct FoundPeriod {
     pub along: Option<Along>,
     /// The flashes, where the light of a single track has a train of them.
     pub flashes: Option<FlashTrain>,
+    /// Periods of the tracks alone, where there are several that show one.
+    pub tracks: Option<Tracks>,
     /// Warnings to the user about the result.
     pub warnings: Vec<String>,
     /// Harmonics of the periodograms.
@@ -116,6 +119,7 @@ where
         sidereal: None,
         along: None,
         flashes: None,
+        tracks: None,
         warnings,
         harmonics: options.harmonics,
     };
@@ -131,6 +135,7 @@ where
         let by_harmonics = found.verdict.clone();
         (found.verdict, found.flashes) = with_flashes(&found.series, &options.search, by_harmonics);
     }
+    found.compare_tracks(&options.search, options.gap_s.unwrap_or(GAP_S));
     progress.begin("drawing the periodograms", None);
     found.draw()?;
     found.concerns();
@@ -142,7 +147,7 @@ fn ask<E>(curves: &Curves, options: &PeriodOptions) -> Result<(Vec<Series>, Verd
 where
     E: From<PeriodError> + From<SeriesError>,
 {
-    if let Some(gap_s) = options.gap_s {
+    if let Some(gap_s) = options.gap_s.or_else(|| curves.is_near().then_some(GAP_S)) {
         let (series, tracks) = curves.tracks(gap_s)?;
         let found = verdict(&series, &options.search)?;
         return Ok((series, found, tracks));
@@ -172,6 +177,27 @@ impl FoundPeriod {
         let best = self.drawn_verdict().best;
         self.sidereal = best.map(|best| bisectors.bounds(best.period_s));
         Ok(())
+    }
+
+    /// Asks each track for its own period, and says where they differ.
+    fn compare_tracks(&mut self, options: &Options, gap_s: f64) {
+        let is_by_flashes = self.flashes.as_ref().is_some_and(|f| f.decides);
+        if self.along.is_some() || is_by_flashes {
+            return;
+        }
+        let tracks = by_pass(self.series.clone(), gap_s);
+        if tracks.len() < 2 {
+            return;
+        }
+        self.tracks = compared(&tracks, options, &mut self.verdict);
+        if let Some(tracks) = self.tracks.as_ref().filter(|t| t.differ()) {
+            let (from, to) = tracks.from_to_s();
+            self.warnings.push(format!(
+                "{PERIOD_CHANGES}: {} tracks have periods from {from:.5} s to {to:.5} s, by chance with a probability of {:.1e}: the stated uncertainty holds them all",
+                tracks.periods.len(),
+                tracks.chance
+            ));
+        }
     }
 
     /// Periodograms, dispersions and the window over the frequencies that were looked at.

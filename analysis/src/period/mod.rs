@@ -21,7 +21,9 @@ pub mod stats;
 pub(crate) mod sums;
 pub mod verdict;
 
-pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
+pub use curves::{
+    Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PERIOD_CHANGES, PeriodOptions, find_period,
+};
 pub use fit::{HarmonicFit, fit};
 pub use flashes::{FlashPhase, FlashTrain, Refusal, flash_train, with_flashes};
 pub use lomb_scargle::{lomb_scargle, window};

@@ -113,6 +113,15 @@ pub fn text(found: &FoundPeriod) -> String {
         v.independent_channels / found.along.as_ref().map_or(1.0, |a| a.stretches as f64),
         percent(v.independent_samples)
     );
+    if let Some(tracks) = &found.tracks {
+        let (from, to) = tracks.from_to_s();
+        let (n, alike) = (tracks.periods.len(), if tracks.differ() { "differ" } else { "agree" });
+        let _ = writeln!(
+            text,
+            "tracks    {n} with a period of their own, from {from:.5} s to {to:.5} s: they {alike} (chance {:.1e})",
+            tracks.chance
+        );
+    }
     let removed = if found.curves.removed.is_empty() {
         "nothing".to_owned()
     } else {
@@ -278,6 +287,10 @@ pub fn json(found: &FoundPeriod) -> Value {
         "along": found.along.as_ref().map(|a| json!({
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
+        })),
+        "tracks": found.tracks.as_ref().map(|t| json!({
+            "chance": t.chance,
+            "periods": t.periods.iter().map(|p| json!({ "name": p.name, "middle_s": rounded(p.middle_s), "period_s": rounded(p.estimate.period_s), "sigma_s": finite(p.estimate.sigma_s) })).collect::<Vec<_>>(),
         })),
         "flashes": found.flashes.as_ref().map(|f| json!({
             "flashes": f.flashes, "lit": rounded(f.lit), "held": rounded(f.held), "width_s": rounded(f.width_s), "decides": f.decides,

@@ -74,7 +74,7 @@ impl Search<'_> {
         Ok((is_open(&question, n), question))
     }
 
-    fn estimate(&self, frequency_hz: f64, harmonics: usize, independent: f64) -> Estimate {
+    pub fn estimate(&self, frequency_hz: f64, harmonics: usize, independent: f64) -> Estimate {
         // A tenth of a resolution of the highest harmonic: the top of the peak is a parabola there.
         let h = 0.1 / (harmonics as f64 * self.range.span_s);
         let at = |f: f64| self.gain(f, harmonics);

@@ -11,10 +11,12 @@ mod outcome;
 mod range;
 mod rivals;
 mod search;
+mod tracks;
 
 pub use clock::{Along, Clock, verdict_along};
 pub use outcome::{Estimate, Member, Membership, Options, Outcome, Question, Reason, Verdict};
 pub use search::SEARCHED;
+pub use tracks::{Tracks, TrackPeriod, compared};
 
 use super::PeriodError;
 use super::lomb_scargle::Centred;
