@@ -75,8 +75,7 @@ pub struct NamedCurve {
 impl NamedCurve {
     /// The filters of the samples where there are several, in the order of their names; each has a light curve of its own.
     pub fn filters(&self) -> Vec<&str> {
-        let mut all: Vec<&str> =
-            self.labels.iter().flatten().map(|l| l.filter.as_str()).collect();
+        let mut all: Vec<&str> = self.labels.iter().flatten().map(|l| l.filter.as_str()).collect();
         all.sort_unstable();
         all.dedup();
         if all.len() > 1 { all } else { Vec::new() }
@@ -433,11 +432,9 @@ impl Curves {
         if ranges().next().is_some() {
             return false;
         }
-        let all: Vec<_> =
-            (0..self.curves.len()).flat_map(|k| self.stretches(k, GAP_S)).collect();
-        let samples = |least: usize| -> usize {
-            all.iter().filter(|s| s.2 >= least).map(|s| s.2).sum()
-        };
+        let all: Vec<_> = (0..self.curves.len()).flat_map(|k| self.stretches(k, GAP_S)).collect();
+        let samples =
+            |least: usize| -> usize { all.iter().filter(|s| s.2 >= least).map(|s| s.2).sum() };
         all.len() > 1
             && all.iter().all(|(from, to, _)| to - from <= PASS_S)
             && 2 * samples(PASS_SAMPLES) >= samples(0)

@@ -9,6 +9,7 @@
 //! - [`flash_train`], [`with_flashes`]: the period of short flashes, beside the harmonics;
 //! - [`find_period()`]: all of it for the curves of some files.
 
+mod alone;
 mod curves;
 mod fit;
 mod flashes;

@@ -20,8 +20,16 @@ const WORDS_FOR_NONE: [f64; 4] = [0.0, -9.99, -9.999, -9.9999];
 const LONE_MAG: f64 = 1.0;
 /// Columns that say which object a row is of.
 const OBJECTS: [&str; 10] = [
-    "object", "object_name", "objname", "target", "target_name", "satellite", "sat_id", "norad",
-    "norad_id", "norad_cat_id",
+    "object",
+    "object_name",
+    "objname",
+    "target",
+    "target_name",
+    "satellite",
+    "sat_id",
+    "norad",
+    "norad_id",
+    "norad_cat_id",
 ];
 /// Objects that a refusal names at most.
 const MOST_NAMED: usize = 12;
@@ -693,8 +701,7 @@ fn of_object(
     options: &MagnitudeOptions,
 ) -> Result<Option<Vec<bool>>, PublishedError> {
     let names = || table.columns.iter().map(|c| c.name.as_str());
-    let column =
-        OBJECTS.iter().find_map(|wanted| names().find(|n| n.eq_ignore_ascii_case(wanted)));
+    let column = OBJECTS.iter().find_map(|wanted| names().find(|n| n.eq_ignore_ascii_case(wanted)));
     let all = column.and_then(|column| Some((column, texts(table, column)?)));
     let mut counts = std::collections::BTreeMap::<&str, usize>::new();
     if let Some((_, all)) = &all {
@@ -712,7 +719,11 @@ fn of_object(
                 true => "no column of objects".to_owned(),
                 false => listed(&objects()),
             };
-            Err(PublishedError::NoObject { path: path.to_path_buf(), wanted: wanted.clone(), found })
+            Err(PublishedError::NoObject {
+                path: path.to_path_buf(),
+                wanted: wanted.clone(),
+                found,
+            })
         }
         (None, Some((column, _))) if counts.len() > 1 => Err(PublishedError::Objects {
             path: path.to_path_buf(),

@@ -1,6 +1,8 @@
 //! Rivals of a period: other peaks, and what the sampling does.
 
+use super::super::sums::turns;
 use super::super::{FrequencyGrid, PeriodError, window};
+use super::outcome::Folding;
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
 use super::search::Search;
 use crate::series::Series;
@@ -9,6 +11,15 @@ use crate::series::Series;
 pub(super) const RIVAL: f64 = 12.0;
 /// A window's peak this high makes aliases.
 const WINDOW_PEAK: f64 = 0.3;
+/// Samples whose window has a peak this high are even: f and f_s ± f are the same to them.
+const EVEN: f64 = 0.9;
+/// Shortest folded period, in exposures, and the same of the turn of its highest harmonic that stands out: shorter ones are averaged away.
+const LEAST_EXPOSURES: f64 = 2.0;
+const LEAST_OF_HARMONIC: f64 = 1.25;
+/// Folded periods that are named.
+const MOST_FOLDED: usize = 12;
+/// Multiples of the sampling that are counted.
+const MOST_MULTIPLES: usize = 10_000;
 
 impl Search<'_> {
     /// Peaks of the sampling's own spectrum, the highest first.
@@ -18,7 +29,8 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let step_hz = 1.0 / (OVERSAMPLING * self.range.span_s);
-        let n = (2.0 * self.range.limit_hz / step_hz) as usize + 2;
+        // A little beyond the sampling itself, so that its peak has two flanks.
+        let n = (2.0 * self.range.limit_hz / step_hz) as usize + 12;
         if n > MOST_FREQUENCIES {
             return Ok(Vec::new());
         }
@@ -35,6 +47,72 @@ impl Search<'_> {
         peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
         peaks.truncate(8);
         Ok(peaks)
+    }
+
+    /// Samples per second where the sampling of all series is even, from the peaks of the longest one's window.
+    fn even_hz(&self, peaks: &[(f64, f64)]) -> Option<f64> {
+        const GOLDEN: f64 = 0.618_033_988_749_895;
+        let high = peaks.iter().filter(|p| p.1 > EVEN).map(|p| p.0);
+        let near = high.min_by(f64::total_cmp)?;
+        let height = |s: &Series, f: f64| {
+            let first = s.time_s.first().copied().unwrap_or(0.0);
+            let (a, b) = s.time_s.iter().fold((0.0, 0.0), |(a, b), t| {
+                let (sin, cos) = (std::f64::consts::TAU * turns(f, t - first)).sin_cos();
+                (a + cos, b + sin)
+            });
+            (a * a + b * b) / (s.len() as f64).powi(2)
+        };
+        let longest = self.series.iter().max_by(|a, b| a.span_s().total_cmp(&b.span_s()))?;
+        let half = 1.0 / (OVERSAMPLING * self.range.span_s);
+        let (mut a, mut b) = (near - half, near + half);
+        for _ in 0..30 {
+            let (x, y) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+            if height(longest, x) > height(longest, y) { b = y } else { a = x }
+        }
+        let found = 0.5 * (a + b);
+        self.series.iter().all(|s| height(s, found) > EVEN).then_some(found)
+    }
+
+    /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, by the multiple of the sampling. `harmonics` stand out at `base`.
+    pub fn folded(
+        &self,
+        base: f64,
+        harmonics: usize,
+        peaks: &[(f64, f64)],
+    ) -> Option<(Folding, Vec<(usize, f64)>)> {
+        let even_hz = self.even_hz(peaks)?;
+        let known = self.series.iter().all(|s| s.exposure_s > 0.0);
+        let longest = self.series.iter().map(|s| s.exposure_s).fold(0.0, f64::max);
+        let mut folding = Folding {
+            step_s: 1.0 / even_hz,
+            exposure_s: known.then_some(longest),
+            unnamed: 0,
+            shortest_s: f64::INFINITY,
+        };
+        if !known {
+            return Some((folding, Vec::new()));
+        }
+        let of_harmonic = 1.0 / (LEAST_OF_HARMONIC * longest * harmonics as f64);
+        let highest_hz = (1.0 / (LEAST_EXPOSURES * longest)).min(of_harmonic);
+        let mut named = Vec::new();
+        for n in 1..=MOST_MULTIPLES {
+            let middle = n as f64 * even_hz;
+            if middle - base > highest_hz {
+                break;
+            }
+            for f in [middle - base, middle + base] {
+                if f <= self.range.highest_hz || f > highest_hz {
+                    continue;
+                }
+                folding.shortest_s = folding.shortest_s.min(1.0 / f);
+                if named.len() < MOST_FOLDED {
+                    named.push((n, f));
+                } else {
+                    folding.unnamed += 1;
+                }
+            }
+        }
+        Some((folding, named))
     }
 
     /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.

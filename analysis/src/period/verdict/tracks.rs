@@ -88,16 +88,22 @@ fn own(series: &[Series], period_s: f64, options: &Options) -> Option<Estimate> 
 
 /// Compares the periods of tracks with that of all, where the verdict has one. Where they differ, the uncertainties of the verdict become so wide that they hold the period of every track. `None` with fewer than two tracks
 /// that have a period of their own.
-pub fn compared(tracks: &[Vec<Series>], options: &Options, verdict: &mut Verdict) -> Option<Tracks> {
+pub fn compared(
+    tracks: &[Vec<Series>],
+    options: &Options,
+    verdict: &mut Verdict,
+) -> Option<Tracks> {
     let best = verdict.best?;
-    if matches!(verdict.outcome, Outcome::NotEnough(_)) {
+    if !matches!(verdict.outcome, Outcome::One(_) | Outcome::Family(_)) {
         return None;
     }
     let mut periods = Vec::new();
     for track in tracks {
         let Some(estimate) = own(track, best.period_s, options) else { continue };
-        let from = track.iter().filter_map(|s| s.time_s.first()).fold(f64::INFINITY, |a, t| a.min(*t));
-        let to = track.iter().filter_map(|s| s.time_s.last()).fold(f64::NEG_INFINITY, |a, t| a.max(*t));
+        let from =
+            track.iter().filter_map(|s| s.time_s.first()).fold(f64::INFINITY, |a, t| a.min(*t));
+        let to =
+            track.iter().filter_map(|s| s.time_s.last()).fold(f64::NEG_INFINITY, |a, t| a.max(*t));
         let name = track.first().map(|s| s.name.clone()).unwrap_or_default();
         periods.push(TrackPeriod { name, middle_s: 0.5 * (from + to), estimate });
     }
@@ -107,8 +113,7 @@ pub fn compared(tracks: &[Vec<Series>], options: &Options, verdict: &mut Verdict
     let weight = |p: &TrackPeriod| p.estimate.sigma_s.powi(-2);
     let total: f64 = periods.iter().map(weight).sum();
     let mean = periods.iter().map(|p| weight(p) * p.estimate.period_s).sum::<f64>() / total;
-    let chi2: f64 =
-        periods.iter().map(|p| weight(p) * (p.estimate.period_s - mean).powi(2)).sum();
+    let chi2: f64 = periods.iter().map(|p| weight(p) * (p.estimate.period_s - mean).powi(2)).sum();
     let found = Tracks { chance: chi2_survival(chi2, periods.len() as f64 - 1.0), periods };
     if found.differ() {
         let (from, to) = found.from_to_s();
