@@ -89,7 +89,7 @@ impl NamedCurve {
         curve
     }
 
-    /// Takes out the samples that are the same as one before: time, rates, flags, session and filter. Returns their number.
+    /// Takes out the samples that are the same as one before: time, rates and flags. Returns their number.
     fn drop_doubled(&mut self) -> usize {
         let (n, curve) = (self.curve.len(), &self.curve);
         let time = &curve.samples.time;
@@ -98,7 +98,6 @@ impl NamedCurve {
                 c.rate_hz[a].to_bits() == c.rate_hz[b].to_bits() && c.flags[a] == c.flags[b]
             };
             curve.channels.iter().all(of_channel)
-                && self.labels.as_ref().is_none_or(|l| l[a] == l[b])
         };
         let is_whole = |c: &ChannelCurve| c.rate_hz.len() == n && c.flags.len() == n;
         if !curve.channels.iter().all(is_whole) {
@@ -112,10 +111,6 @@ impl NamedCurve {
         let lost = keep.iter().filter(|k| !**k).count();
         if lost > 0 {
             self.curve.retain(&keep);
-            if let Some(labels) = &mut self.labels {
-                let mut at = keep.iter();
-                labels.retain(|_| at.next().copied().unwrap_or(true));
-            }
         }
         lost
     }
@@ -235,11 +230,11 @@ fn read_curve(
     let sha256 = sunglint_formats::sha256(&bytes);
     let input = Input { file: path.display().to_string(), sha256 };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let (mut named, mut notes) = match CurveFile::read(path, bytes, magnitudes)? {
+    let (named, notes) = match CurveFile::read(path, bytes, magnitudes)? {
         CurveFile::Rates(table) => {
             let mut curve = LightCurve::from_table(path, &table)?;
             curve.sort();
-            let named = NamedCurve {
+            let mut named = NamedCurve {
                 curve,
                 stem,
                 is_above_air: false,
@@ -247,7 +242,11 @@ fn read_curve(
                 is_far: false,
                 is_exposure_known: true,
             };
-            (named, Vec::new())
+            let doubled = named.drop_doubled();
+            let note = format!(
+                "{doubled} samples stand there twice (time, light and flags are the same): each counts once"
+            );
+            (named, if doubled > 0 { vec![note] } else { Vec::new() })
         }
         // In the order of time already, and the labels with it.
         CurveFile::Magnitudes(mut b) => {
@@ -262,12 +261,6 @@ fn read_curve(
             (named, std::mem::take(&mut b.notes))
         }
     };
-    let doubled = named.drop_doubled();
-    if doubled > 0 {
-        notes.push(format!(
-            "{doubled} samples stand there twice (time, light and channel are the same): each counts once"
-        ));
-    }
     let notes = notes.into_iter().map(|note| format!("{}: {note}", named.stem)).collect();
     Ok((named, input, notes))
 }

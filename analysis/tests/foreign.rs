@@ -1,4 +1,4 @@
-//! Periods of curves as others hand them in: several passes without a range, filters, several objects, rows twice, words for missing magnitudes. All are synthetic: a body's light is a rectified cosine with a saw, which is no
+//! Periods of curves as others hand them in: several passes without a range, filters, several objects, rows twice, words for missing magnitudes. All are synthetic: a body's light is a rectified cosine with an exponential, which is no
 //! sum of a few harmonics.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
@@ -39,11 +39,11 @@ impl Drop for Folder {
     }
 }
 
-/// Magnitude of the body at a part of a turn: two unlike humps and a saw, 1 mag in all.
+/// Magnitude of the body at a part of a turn: two unlike humps and an exponential of a sine, about 1 mag in all.
 fn magnitude(turns: f64) -> f64 {
-    let phase = turns - turns.floor();
-    let hump = (std::f64::consts::TAU * turns).cos();
-    7.0 - 0.7 * hump.max(0.0).powf(1.5) - 0.35 * (-hump).max(0.0).powf(1.5) - 0.25 * phase
+    let (sin, hump) = (std::f64::consts::TAU * turns).sin_cos();
+    let humps = 0.7 * hump.max(0.0).powf(1.5) + 0.35 * (-hump).max(0.0).powf(1.5);
+    7.0 - humps - 0.12 * sin.exp()
 }
 
 struct Noise(Random, Normal<f64>);
@@ -240,11 +240,12 @@ fn rows_twice_say_nothing_new() {
     let once = asked(&[folder.write("once.csv", &text(&rows))]);
     let twice = asked(&[folder.write("twice.csv", &text(&twice))]);
     assert_eq!(once.verdict, twice.verdict);
-    let said = twice.warnings.iter().any(|w| w.contains("510 samples stand there twice"));
+    let said = twice.warnings.iter().any(|w| w.contains("510 rows stand there twice"));
     assert!(said, "{:?}", twice.warnings);
 }
 
-/// Truth: the period that was put in, 18.83 s; 2 % of the magnitudes are words for a missing one. The same answer as where those rows are not there at all.
+/// Truth: the period that was put in, 18.83 s; 2 % of the magnitudes are words for a missing one. The same answer as where those rows are not there at all, to a tenth of its uncertainty (the level of the light about a sample, which weighs it, is taken over other
+/// neighbours).
 #[test]
 fn words_for_missing_magnitudes_are_none() {
     let folder = Folder::new("words");
@@ -261,7 +262,8 @@ fn words_for_missing_magnitudes_are_none() {
             .collect();
         let found = asked(&[folder.write("words.csv", &text(&all))]);
         let (a, b) = (found.verdict.best.unwrap(), truth.best.unwrap());
-        assert!((a.period_s / b.period_s - 1.0).abs() < 1e-9, "{word}: {a:?} {b:?}");
+        assert!((a.period_s - b.period_s).abs() < 0.1 * b.sigma_s, "{word}: {a:?} {b:?}");
+        assert!((a.sigma_s / b.sigma_s - 1.0).abs() < 0.05, "{word}: {a:?} {b:?}");
         assert!(found.warnings.iter().any(|w| w.contains("11 magnitudes are words")), "{word}");
     }
     // Differences about 0 are none of these words.
@@ -342,7 +344,7 @@ fn even_samples_of_short_exposures_do_not_hide_a_faster_period() {
     }
 }
 
-/// Truth: the period that was put in, 73 steps of even samples. Exposures that fill the step, or that are not known, leave it alone; so do exposures of a fifth of a step, as the body's seven harmonics would be averaged away at f_s ± f.
+/// Truth: the period that was put in, 73 steps of even samples: nothing shorter is an answer. Exposures that fill the step, or that are not known, leave it alone; so do exposures of a fifth of a step, as the body's seven harmonics would be averaged away at f_s ± f.
 #[test]
 fn even_samples_of_slow_bodies_have_one_period() {
     let mut noise = Noise::new(32, 0.02);
@@ -354,15 +356,18 @@ fn even_samples_of_slow_bodies_have_one_period() {
     let value: Vec<f64> = time.iter().map(|t| light(*t) + noise.next()).collect();
     for exposure_s in [0.1, 0.0, 0.03] {
         let found = verdict(&series("c", &time, &value, exposure_s));
-        let Outcome::One(e) = found.outcome else { panic!("{exposure_s}: {:?}", found.outcome) };
+        let e = found.best.unwrap();
         assert!((e.period_s - 7.3).abs() < 4.0 * e.sigma_s, "{e:?}");
+        if let Outcome::Family(all) = &found.outcome {
+            assert!(all.iter().all(|m| m.estimate.period_s > 7.2), "{exposure_s}: {all:?}");
+        }
     }
 }
 
 /// Truth: two frequencies that were put in, without a common period: neither one period nor a family without both is the answer. Tolerance of the two: 1 %. A body of one period with many harmonics is not taken for two.
 #[test]
 fn two_periods_at_once_are_no_single_one() {
-    for (a, b, beat) in [(17.1, 29.3, 0.0), (23.7, 40.9, 0.15), (13.3, 47.9, 0.1)] {
+    for (a, b, beat) in [(17.1, 30.7, 0.0), (23.7, 40.9, 0.15), (13.3, 47.9, 0.1)] {
         let mut noise = Noise::new(33, 0.03);
         let time: Vec<f64> = (0..900).map(|i| 0.7 * f64::from(i) + 0.1 * noise.next()).collect();
         let value: Vec<f64> = time
@@ -408,7 +413,7 @@ fn samples_that_stand_alone_are_left_out() {
     let wrong: Vec<(f64, f64)> = rows
         .iter()
         .enumerate()
-        .map(|(i, (t, m))| match (i * i * 7 + 3 * i) % 50 {
+        .map(|(i, (t, m))| match (i * 7919) % 53 {
             7 => (*t, m - 3.0),
             11 if i % 3 == 0 => (*t, m + 3.0),
             _ => (*t, *m),

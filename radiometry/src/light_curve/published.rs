@@ -406,8 +406,17 @@ impl Brightness {
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
         let mut rows = rows.sorted();
+        let doubled = rows.doubled();
+        let mut notes = Vec::new();
+        let n_doubled = doubled.iter().filter(|d| **d).count();
+        if n_doubled > 0 {
+            notes.push(format!(
+                "{n_doubled} rows stand there twice (time, light and channel are the same): each counts once"
+            ));
+            rows = rows.kept(&doubled.iter().map(|d| !d).collect::<Vec<_>>());
+        }
+        notes.append(&mut rows.without_words_for_none());
         let n = rows.times.len();
-        let notes = rows.without_words_for_none();
         let missing = |column: &'static str| PublishedError::NeedsColumn {
             path: path.to_path_buf(),
             kind: options.kind,
@@ -594,6 +603,22 @@ impl Rows {
         }
     }
 
+    /// True for rows that are the same as the one before: time, magnitude, range, phase angle, session, filter and camera. Rows are sorted.
+    fn doubled(&self) -> Vec<bool> {
+        let same_number = |c: &Option<Vec<f64>>, i: usize| {
+            c.as_ref().is_none_or(|c| c[i].to_bits() == c[i - 1].to_bits())
+        };
+        let is_same = |i: usize| {
+            self.times[i] == self.times[i - 1]
+                && self.magnitudes[i].to_bits() == self.magnitudes[i - 1].to_bits()
+                && same_number(&self.range_km, i)
+                && same_number(&self.phase_deg, i)
+                && self.labels.as_ref().is_none_or(|l| l[i] == l[i - 1])
+                && self.cameras.as_ref().is_none_or(|c| c[i] == c[i - 1])
+        };
+        (0..self.times.len()).map(|i| i > 0 && is_same(i)).collect()
+    }
+
     /// The rows for which `keep` is true.
     fn kept(self, keep: &[bool]) -> Self {
         if keep.iter().all(|k| *k) {
@@ -614,7 +639,10 @@ impl Rows {
             cameras: pick(&order, self.cameras),
             eclipsed: pick(&order, self.eclipsed),
             is_flux: self.is_flux,
-            file_rows: order,
+            file_rows: match self.file_rows.is_empty() {
+                true => order,
+                false => order.iter().map(|i| self.file_rows[*i]).collect(),
+            },
         }
     }
 

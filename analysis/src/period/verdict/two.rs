@@ -2,7 +2,7 @@
 //!
 //! Light with two frequencies that have no common period has no period. A search for one finds a long one, of which both are nearly parts, with many harmonics. So where many harmonics stand out, the light is fitted by a lattice of two
 //! free frequencies: f₁, f₂, twice each, their sum, their difference, 2f₁ − f₂ and 2f₂ − f₁. If that leaves clearly less than the harmonics do, with fewer unknowns, the light has two periods. Two
-//! frequencies that are harmonics of one with three turns in the data are none.
+//! frequencies that are harmonics of one with four turns in the data are none.
 
 use super::super::fit::fit;
 use super::super::lines::MOST as MOST_HARMONICS;
@@ -35,9 +35,9 @@ const LINES: usize = 4;
 /// Share of what the harmonics leave that the lattice may leave at most.
 const LEAVES: f64 = 0.8;
 /// Turns of a common period from which on it is one.
-const COMMON_TURNS: f64 = 3.0;
-/// Frequencies are a ratio where they agree with it within that many resolutions.
-const COMMON: f64 = 0.5;
+const COMMON_TURNS: f64 = 4.0;
+/// Turns over the span by which each of two frequencies may miss a harmonic of a common one.
+const COMMON: f64 = 0.05;
 /// Turns of the slower of the two at least.
 const LEAST_TURNS: f64 = 3.0;
 
@@ -96,8 +96,8 @@ fn is_common(first_hz: f64, second_hz: f64, span_s: f64) -> bool {
     (1..=most).any(|p| {
         (1..=most).any(|q| {
             let base = 0.5 * (first_hz / f64::from(p) + second_hz / f64::from(q));
-            (first_hz * f64::from(q) - second_hz * f64::from(p)).abs()
-                < COMMON / span_s * f64::from(p.max(q))
+            let miss = (first_hz * f64::from(q) - second_hz * f64::from(p)).abs();
+            miss * span_s < COMMON * f64::from(p + q)
                 && base * span_s >= COMMON_TURNS
         })
     })
