@@ -410,17 +410,17 @@ fn samples_that_stand_alone_are_left_out() {
     let folder = Folder::new("alone");
     let rows = pass(0.0, 18.83, 0.0, 21);
     let clean = asked(&[folder.write("clean.csv", &text(&rows))]).verdict.best.unwrap();
+    let mut random = Noise::new(77, 1.0);
     let wrong: Vec<(f64, f64)> = rows
         .iter()
-        .enumerate()
-        .map(|(i, (t, m))| match (i * 7919) % 53 {
-            7 => (*t, m - 3.0),
-            11 if i % 3 == 0 => (*t, m + 3.0),
+        .map(|(t, m)| match random.next() {
+            x if x > 2.2 => (*t, m - 3.0),
+            x if x < -2.4 => (*t, m + 3.0),
             _ => (*t, *m),
         })
         .collect();
     let changed = rows.iter().zip(&wrong).filter(|(a, b)| a != b).count();
-    assert!((8..25).contains(&changed), "{changed}");
+    assert!((6..25).contains(&changed), "{changed}");
     let found = asked(&[folder.write("wrong.csv", &text(&wrong))]);
     let best = found.verdict.best.unwrap();
     assert!(found.warnings.iter().any(|w| w.contains("stand alone")), "{:?}", found.warnings);

@@ -158,7 +158,9 @@ impl Search<'_> {
             let turns = self.range.span_s * f;
             members.push(Member { estimate, membership: Membership::Alias, turns });
         }
-        if let Some((folding, folded)) = self.folded(base, harmonics, &answer.window_peaks) {
+        if let Some((folding, folded)) =
+            self.folded(base, harmonics, independent, &answer.window_peaks)
+        {
             for (n, f) in folded {
                 let estimate =
                     Estimate { period_s: 1.0 / f, sigma_s: best.sigma_s * (base / f).powi(2) };

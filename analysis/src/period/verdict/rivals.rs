@@ -18,6 +18,8 @@ const LEAST_EXPOSURES: f64 = 2.0;
 const LEAST_OF_HARMONIC: f64 = 1.25;
 /// Folded periods that are named.
 const MOST_FOLDED: usize = 12;
+/// Harmonics of a folded turn that are fitted.
+const FOLDED_HARMONICS: usize = 6;
 /// Multiples of the sampling that are counted.
 const MOST_MULTIPLES: usize = 10_000;
 
@@ -73,11 +75,13 @@ impl Search<'_> {
         self.series.iter().all(|s| height(s, found) > EVEN).then_some(found)
     }
 
-    /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, by the multiple of the sampling. `harmonics` stand out at `base`.
+    /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, the lowest first, by the multiple of the sampling. `harmonics` stand out at `base`. The light that is seen at `base` may also be the second or third harmonic of a
+    /// folded turn, whose other harmonics are seen elsewhere: where that does as well.
     pub fn folded(
         &self,
         base: f64,
         harmonics: usize,
+        independent: f64,
         peaks: &[(f64, f64)],
     ) -> Option<(Folding, Vec<(usize, f64)>)> {
         let even_hz = self.even_hz(peaks)?;
@@ -94,25 +98,49 @@ impl Search<'_> {
         }
         let of_harmonic = 1.0 / (LEAST_OF_HARMONIC * longest * harmonics as f64);
         let highest_hz = (1.0 / (LEAST_EXPOSURES * longest)).min(of_harmonic);
-        let mut named = Vec::new();
+        let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
+        let least = self.gain(base, harmonics) - cost * harmonics as f64 - RIVAL / independent;
+        let does_as_well =
+            |f: f64| (1..=FOLDED_HARMONICS).any(|k| self.gain(f, k) - cost * k as f64 > least);
+        // By the part of a turn, the rest of the multiple of the sampling, and the sign: (n f_s ± f)/part. Of pairs that fold onto one another one is asked.
+        let halves = does_as_well((even_hz - base) / 2.0);
+        let thirds = does_as_well((even_hz - base) / 3.0);
+        let others = does_as_well((2.0 * even_hz - base) / 3.0);
+        let is_possible = |n: usize, sign: f64, part: usize| match (part, n % part, sign < 0.0) {
+            (1, ..) => true,
+            (2, 1, _) => halves,
+            (3, 1, true) | (3, 2, false) => thirds,
+            (3, 2, true) | (3, 1, false) => others,
+            _ => false,
+        };
+        let mut all = Vec::new();
         for n in 1..=MOST_MULTIPLES {
             let middle = n as f64 * even_hz;
-            if middle - base > highest_hz {
+            if (middle - base) / 3.0 > highest_hz {
                 break;
             }
-            for f in [middle - base, middle + base] {
-                if f <= self.range.highest_hz || f > highest_hz {
-                    continue;
-                }
-                folding.shortest_s = folding.shortest_s.min(1.0 / f);
-                if named.len() < MOST_FOLDED {
-                    named.push((n, f));
-                } else {
-                    folding.unnamed += 1;
+            for part in 1..=3 {
+                for sign in [-1.0, 1.0] {
+                    let f = (middle + sign * base) / part as f64;
+                    // A part of a turn has as many more harmonics.
+                    let above = part as f64 * f > highest_hz && part > 1;
+                    if f > self.range.highest_hz
+                        && f <= highest_hz
+                        && !above
+                        && is_possible(n, sign, part)
+                    {
+                        all.push((n, f));
+                    }
                 }
             }
         }
-        Some((folding, named))
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((_, highest)) = all.last() {
+            folding.shortest_s = 1.0 / highest;
+        }
+        folding.unnamed = all.len().saturating_sub(MOST_FOLDED);
+        all.truncate(MOST_FOLDED);
+        Some((folding, all))
     }
 
     /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.

@@ -97,8 +97,7 @@ fn is_common(first_hz: f64, second_hz: f64, span_s: f64) -> bool {
         (1..=most).any(|q| {
             let base = 0.5 * (first_hz / f64::from(p) + second_hz / f64::from(q));
             let miss = (first_hz * f64::from(q) - second_hz * f64::from(p)).abs();
-            miss * span_s < COMMON * f64::from(p + q)
-                && base * span_s >= COMMON_TURNS
+            miss * span_s < COMMON * f64::from(p + q) && base * span_s >= COMMON_TURNS
         })
     })
 }
@@ -199,7 +198,24 @@ impl Search<'_> {
             Some(Estimate { period_s: 1.0 / f, sigma_s: (2.0 / curvature).sqrt() / (f * f) })
         };
         let (one, other) = (estimate(0)?, estimate(1)?);
-        let by_light = |f: f64| self.gain(f, 1);
-        Some(if by_light(first) >= by_light(second) { (one, other) } else { (other, one) })
+        // The same lattice has many pairs that span it: the one with most light is told.
+        let sigma_hz = |e: Estimate| e.sigma_s / (e.period_s * e.period_s);
+        let mut terms: Vec<(f64, (f64, f64), Estimate)> = LATTICE
+            .iter()
+            .filter(|(i, j)| *i != 2.0 || *j != 0.0)
+            .filter(|(i, j)| *i != 0.0 || *j != 2.0)
+            .map(|(i, j)| {
+                let f = (i * first + j * second).abs();
+                let sigma = (i * sigma_hz(one)).hypot(j * sigma_hz(other));
+                let estimate = Estimate { period_s: 1.0 / f, sigma_s: sigma / (f * f) };
+                let gain = if f * self.range.span_s > 1.0 { self.gain(f, 1) } else { 0.0 };
+                (gain, (*i, *j), estimate)
+            })
+            .collect();
+        terms.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (_, strongest, told) = *terms.first()?;
+        let spans = |(i, j): (f64, f64)| (strongest.0 * j - strongest.1 * i).abs() == 1.0;
+        let (_, _, beside) = *terms.iter().find(|(_, term, _)| spans(*term))?;
+        Some((told, beside))
     }
 }
