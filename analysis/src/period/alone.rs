@@ -1,9 +1,10 @@
 //! Samples that stand alone: cosmic rays, passing stars, wrong readings.
 //!
-//! A sample stands alone where it is eight standard deviations or more from the median of its neighbours and these agree with one another. Glints and flashes of a turning body may be as short as a sample; they come again. So nothing is left out
+//! A sample stands alone where it is eight standard deviations or more from the median of its neighbours and these agree with one another: in the light, and then in what the harmonics of the period leave of it. Glints and flashes of a turning body may be as short as a sample; they come again. So nothing is left out
 //! where such samples fall together at a phase of the period that is found, or of a multiple of it, where flashes have a period of their own, or where more than one sample in twenty stands alone.
 
 use super::flashes::flash_train;
+use super::lines::residual;
 use super::spectrum::median_step;
 use super::verdict::{Options, Outcome, Verdict};
 use super::{FlashTrain, PeriodError, verdict};
@@ -26,11 +27,11 @@ const MULTIPLES: usize = 5;
 /// Width of a phase, turns.
 const PHASE: f64 = 0.02;
 
-/// True for the samples that stand alone in time.
-fn alone(series: &Series) -> Vec<bool> {
+/// True for the samples whose values, the light or what a model leaves of it, stand alone in time.
+fn alone(series: &Series, values: &[f64]) -> Vec<bool> {
     let n = series.len();
     let mut found = vec![false; n];
-    let steps = series.value.windows(2).map(|p| p[1] - p[0]);
+    let steps = values.windows(2).map(|p| p[1] - p[0]);
     let (Some(noise), Some(step_s)) = (robust_sigma(steps), median_step(series)) else {
         return found;
     };
@@ -40,7 +41,7 @@ fn alone(series: &Series) -> Vec<bool> {
         let near = |k: &usize| {
             *k != i && (series.time_s[*k] - series.time_s[i]).abs() <= NEAR_STEPS * step_s
         };
-        let beside: Vec<f64> = all.filter(near).map(|k| series.value[k]).collect();
+        let beside: Vec<f64> = all.filter(near).map(|k| values[k]).collect();
         let Some(middle) = median(beside.iter().copied()).filter(|_| beside.len() >= LEAST_BESIDE)
         else {
             continue;
@@ -48,9 +49,9 @@ fn alone(series: &Series) -> Vec<bool> {
         let spread = median(beside.iter().map(|v| (v - middle).abs())).unwrap_or(0.0);
         let sigma = noise.max(SIGMA_PER_MAD * spread);
         let agrees = |k: Option<usize>| {
-            k.and_then(|k| series.value.get(k)).is_none_or(|v| (v - middle).abs() <= AGREES * sigma)
+            k.and_then(|k| values.get(k)).is_none_or(|v| (v - middle).abs() <= AGREES * sigma)
         };
-        let far = (series.value[i] - middle).abs() > ALONE * sigma;
+        let far = (values[i] - middle).abs() > ALONE * sigma;
         found[i] = sigma > 0.0 && far && agrees(i.checked_sub(1)) && agrees(Some(i + 1));
     }
     found
@@ -93,7 +94,7 @@ pub(super) fn without(
     options: &Options,
     whole: &Verdict,
 ) -> Result<Option<Without>, PeriodError> {
-    let found: Vec<Vec<bool>> = series.iter().map(alone).collect();
+    let mut found: Vec<Vec<bool>> = series.iter().map(|s| alone(s, &s.value)).collect();
     let left_out = found.iter().flatten().filter(|a| **a).count();
     let samples: usize = series.iter().map(Series::len).sum();
     if left_out == 0 || left_out as f64 > MOST * samples as f64 {
@@ -103,17 +104,37 @@ pub(super) fn without(
     if flashes.as_ref().is_some_and(|f| !f.periods.is_empty()) {
         return Ok(None);
     }
-    let kept: Vec<Series> = series
-        .iter()
-        .zip(&found)
-        .map(|(s, alone)| {
-            let keep: Vec<bool> = alone.iter().map(|a| !a).collect();
-            let mut own = s.kept(&keep);
+    let keep = |found: &[Vec<bool>]| -> Vec<Series> {
+        let own = |(s, alone): (&Series, &Vec<bool>)| {
+            let mut own = s.kept(&alone.iter().map(|a| !a).collect::<Vec<_>>());
             own.left_out.alone = s.len() - own.len();
             own
-        })
-        .collect();
-    let verdict = verdict(&kept, options)?;
+        };
+        series.iter().zip(found).map(own).collect()
+    };
+    let mut kept = keep(&found);
+    let mut verdict = verdict(&kept, options)?;
+    // On a slope of the light faint samples are not seen: they are in what the first answer leaves.
+    if let Some(best) = verdict.best {
+        let mut more = 0;
+        for (own, found) in kept.iter().zip(&mut found) {
+            let left = residual(own, 1.0 / best.period_s, verdict.harmonics.max(1), 1);
+            let Some(left) = left else { continue };
+            let places = found.iter_mut().filter(|f| !**f);
+            for (place, alone) in places.zip(alone(own, &left)) {
+                *place |= alone;
+                more += usize::from(alone);
+            }
+        }
+        if more > 0 {
+            kept = keep(&found);
+            verdict = super::verdict(&kept, options)?;
+        }
+    }
+    let left_out = found.iter().flatten().filter(|a| **a).count();
+    if left_out as f64 > MOST * samples as f64 {
+        return Ok(None);
+    }
     let is_answer = |v: &Verdict| !matches!(v.outcome, Outcome::NotEnough(_));
     if is_answer(whole) && !is_answer(&verdict) {
         return Ok(None);

@@ -26,8 +26,8 @@ const LATTICE: [(f64, f64); 8] = [
     (2.0, -1.0),
     (-1.0, 2.0),
 ];
-/// Fewer harmonics are no sign of two periods: the lattice has as many unknowns as nine.
-const LEAST_HARMONICS: usize = 10;
+/// Fewer harmonics are no sign of two periods: the lattice has as many unknowns as eight.
+const LEAST_HARMONICS: usize = 9;
 /// Samples in all at most: more are not asked.
 const MOST_SAMPLES: usize = 20_000;
 /// Lines that are taken out one after the other, and pairs of them that are fitted.
