@@ -29,6 +29,8 @@ use std::path::Path;
 
 /// TT − TAI, s.
 const TT_MINUS_TAI_S: f64 = 32.184;
+/// TAI − time of GPS, s.
+const TAI_MINUS_GPS_S: f64 = 19.0;
 const DAY_S: f64 = 86_400.0;
 const MJD_1900: i64 = 15_020;
 /// JD of MJD 0, whole days and the half that is left.
@@ -74,6 +76,8 @@ pub enum Scale {
     Tt,
     /// Barycentric dynamical time; from TT by its largest term, to 30 µs.
     Tdb,
+    /// The time of GPS: 19 s behind TAI.
+    Gps,
 }
 
 impl Scale {
@@ -83,6 +87,7 @@ impl Scale {
             "tai" => Self::Tai,
             "tt" => Self::Tt,
             "tdb" => Self::Tdb,
+            "gps" => Self::Gps,
             _ => return None,
         })
     }
@@ -230,6 +235,7 @@ pub fn moment(day: i64, part: f64, scale: Scale) -> Option<Epoch> {
             Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
         }
         Scale::Tai => first(seconds),
+        Scale::Gps => first(seconds + TAI_MINUS_GPS_S),
         Scale::Tt => first(seconds - TT_MINUS_TAI_S),
         Scale::Tdb => {
             let g = (357.53 + 0.985_600_28 * ((day - 51_544) as f64 + part - 0.5)).to_radians();
