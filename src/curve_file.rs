@@ -86,6 +86,9 @@ pub struct Magnitudes {
     /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
     #[arg(long, value_name = "MAG")]
     pub sigma_mag: Option<f64>,
+    /// Of a table of several objects: the one whose rows are taken
+    #[arg(long, value_name = "NAME")]
+    pub object: Option<String>,
 }
 
 impl Magnitudes {
@@ -94,7 +97,12 @@ impl Magnitudes {
         let mut columns = ColumnNames::default();
         self.time.put_into(&mut columns);
         columns.magnitude.clone_from(&self.column);
-        MagnitudeOptions { columns, kind: self.law.into(), sigma_mag: self.sigma_mag }
+        MagnitudeOptions {
+            columns,
+            kind: self.law.into(),
+            sigma_mag: self.sigma_mag,
+            object: self.object.clone(),
+        }
     }
 
     /// Reads a file of rates or magnitudes.
@@ -110,6 +118,7 @@ impl Magnitudes {
 pub fn with_hint(error: PublishedError) -> anyhow::Error {
     match error {
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
+        PublishedError::Objects { .. } => anyhow!("{error} (--object NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),
         PublishedError::NoneUsable { why: Unusable::Short { .. } | Unusable::NoNoise, .. } => {
             anyhow!("{error} (--sigma-mag MAG says it)")

@@ -165,7 +165,12 @@ impl Reading {
     pub fn options(&self) -> Result<MagnitudeOptions, Failure> {
         let mut columns = self.names()?;
         columns.sigma = None;
-        Ok(MagnitudeOptions { columns, kind: self.kind()?, sigma_mag: self.sigma_mag })
+        Ok(MagnitudeOptions {
+            columns,
+            kind: self.kind()?,
+            sigma_mag: self.sigma_mag,
+            object: None,
+        })
     }
 }
 

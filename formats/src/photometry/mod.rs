@@ -111,6 +111,8 @@ pub struct Photometry {
     pub filter: Option<Vec<String>>,
     /// Cameras of an instrument that has several: each may have a zero point of its own.
     pub camera: Option<Vec<String>>,
+    /// Whether the target was in the Earth's shadow or penumbra, where the file says it.
+    pub eclipsed: Option<Vec<bool>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
     /// Name of the target; may be empty.
@@ -251,7 +253,7 @@ fn of_julian_text(text: &str, scale: Scale) -> Option<Epoch> {
 /// Text of MMT-9: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km), phase (degrees), channel, track.
 fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     let (mut standard, mut ranges, mut phases, mut filter) = (vec![], vec![], vec![], vec![]);
-    let mut camera = Vec::new();
+    let (mut camera, mut eclipsed) = (Vec::new(), Vec::new());
     let mut read = Photometry::default();
     for (number, line) in text.lines().enumerate() {
         if line.starts_with('#') || line.trim().is_empty() {
@@ -277,6 +279,7 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         ranges.push(value(6, "a distance, km")?);
         phases.push(value(7, "a phase angle, degrees")?);
         filter.push(fields[4].to_owned());
+        eclipsed.push(value(5, "a number of the penumbra, 0 for sunlight")? != 0.0);
         camera.push(fields[8].to_owned());
     }
     read.standard = Some(standard);
@@ -284,6 +287,7 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     read.phase_deg = Some(phases);
     read.filter = Some(filter);
     read.camera = Some(camera);
+    read.eclipsed = Some(eclipsed);
     Ok(read)
 }
 
