@@ -491,7 +491,7 @@ fn read_photometry<'py>(
 
 /// Points and streaks of a frame.
 #[pyfunction]
-#[pyo3(signature = (pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, is_mosaic=false))]
+#[pyo3(signature = (pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, bayer=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn detect(
     py: Python<'_>,
@@ -503,7 +503,7 @@ fn detect(
     aperture_px: Option<f64>,
     saturation_adu: Option<f64>,
     gain_e_per_adu: Option<f64>,
-    is_mosaic: bool,
+    bayer: Option<String>,
 ) -> PyResult<String> {
     let mut options = FieldOptions::default();
     options.fwhm_px = fwhm_px;
@@ -513,7 +513,13 @@ fn detect(
     options.aperture_px = aperture_px;
     options.saturation_adu = saturation_adu;
     options.gain_e_per_adu = gain_e_per_adu;
-    options.is_mosaic = is_mosaic;
+    options.bayer = match bayer.as_deref() {
+        None => None,
+        Some(name) => Some(
+            sunglint_formats::Bayer::from_name(name)
+                .ok_or_else(|| unknown("bayer", name, "RGGB, GRBG, GBRG or BGGR"))?,
+        ),
+    };
     // The array is the caller's, and its pages may change under another thread: one copy.
     let own = pixels.as_array().to_owned();
     run(py, None, move |_| Ok(serde_json::to_string(&find(own.view(), &options)?)?))
