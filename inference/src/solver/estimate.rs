@@ -16,8 +16,14 @@ pub(super) const CHI95: f64 = 3.841_458_820_694_124;
 const NEAR: f64 = 2.0;
 /// Part of its prior's standard deviation above which an uncertainty is the prior's.
 const PRIOR_ALONE: f64 = 0.95;
-/// The end of an interval is found to this part of its distance, where χ² is a parabola.
+/// The end of an interval is found to this part of its distance.
 const ON_THE_EDGE: f64 = 0.01;
+/// Places that are looked at between two ends of a bracket, at most: halvings every second time narrow it by 2¹².
+const CLOSER: usize = 24;
+/// Δχ², as a part of that at an interval's end, up to which nothing has changed along a parameter.
+const LEVEL: f64 = 1e-3;
+/// Part of an interval over which nothing changes where a combination is not determined, though the bounds of others end it: of a χ² that rises with the sixth power it is a third.
+const MOSTLY: f64 = 0.5;
 /// Correlations above this are named.
 const CORRELATED: f64 = 0.98;
 
@@ -86,34 +92,26 @@ pub(super) fn estimate(
     }
     // What stands at a bound may leave it elsewhere: then no interval follows from the covariance alone.
     let bounded = (n_free..n).any(|i| held[i].is_some() || kept(i));
-    // What is searched for and has, here, no effect of its own is held as it stands, and gone through below; with whom it goes is kept.
+    // What is searched for and has, here, no effect of its own (whatever stands at a bound goes with it) is held as it stands, and gone through below; with whom it goes is kept.
     let mut loose: Vec<(usize, Vec<usize>)> = Vec::new();
-    let inverse = loop {
-        let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-            let (i, j) = (free[a], free[b]);
-            let size = root(i) * root(j);
-            if size > 0.0 { normal[(i, j)] / size } else { 0.0 }
-        });
-        let (inverse, open) = inverse(&scaled);
-        let parts: Vec<Vec<usize>> = open
-            .iter()
-            .map(|v| (0..free.len()).filter(|a| v[*a].abs() > 0.1).map(|a| free[a]).collect())
-            .collect();
-        let searched = parts.iter().find_map(|all| {
+    let mut effective: Vec<usize> = (0..n).filter(|i| !kept(*i)).collect();
+    effective.retain(|i| held[*i].is_none() || root(*i) > 0.0);
+    loop {
+        let searched = open_parts(&normal, &effective).1.into_iter().find_map(|all| {
             let own = all.iter().copied().filter(|i| *i < n_free);
-            own.min_by(|a, b| root(*a).total_cmp(&root(*b))).map(|k| (k, all.clone()))
+            own.min_by(|a, b| root(*a).total_cmp(&root(*b))).map(|k| (k, all))
         });
-        let Some((k, all)) = searched else {
-            for all in parts {
-                all.iter().for_each(|i| undetermined[*i] = true);
-                let names = all.iter().map(|i| name(*i)).collect();
-                warnings.push(Warning::Undetermined { names });
-            }
-            break inverse;
-        };
+        let Some((k, all)) = searched else { break };
+        effective.retain(|i| *i != k);
         free.retain(|i| *i != k);
         loose.push((k, all));
-    };
+    }
+    let (inverse, parts) = open_parts(&normal, &free);
+    for all in parts {
+        all.iter().for_each(|i| undetermined[*i] = true);
+        let names = all.iter().map(|i| name(*i)).collect();
+        warnings.push(Warning::Undetermined { names });
+    }
     // Without profiles nothing tells how far they may go.
     if !profiles {
         for (_, all) in &loose {
@@ -123,6 +121,7 @@ pub(super) fn estimate(
         }
     }
     let is_loose = |k: usize| loose.iter().any(|(l, _)| *l == k);
+    let goes = |i: usize| loose.iter().any(|(_, all)| all.contains(&i));
     let mut covariance = DMatrix::from_element(n, n, f64::NAN);
     for (a, i) in free.iter().enumerate() {
         for (b, j) in free.iter().enumerate() {
@@ -165,22 +164,26 @@ pub(super) fn estimate(
         let Some((ends, path)) = walk(problem, values, state.chi2, k, sigma, &course, most)? else {
             continue;
         };
-        // Open to both sides: whatever it is, the data look the same.
-        if let Some((_, all)) = loose.iter().find(|(l, _)| *l == k)
-            && ends[1] - ends[0] > (1.0 - 1e-9) * span
-        {
-            undetermined[k] = true;
-            let names = all.iter().map(|i| name(*i)).collect();
-            warnings.push(Warning::Undetermined { names });
+        // Open to both sides, or but for the bounds of those that go with it: whatever it is, the data look the same.
+        if let Some((_, all)) = loose.iter().find(|(l, _)| *l == k) {
+            let level = path.iter().filter(|p| p.rise < LEVEL * most).map(|p| p.along);
+            let reach = level.fold((0.0_f64, 0.0_f64), |(a, b), t| (a.min(t), b.max(t)));
+            undetermined[k] = ends[1] - ends[0] > (1.0 - 1e-9) * span;
+            if undetermined[k] || reach.1 - reach.0 > MOSTLY * (ends[1] - ends[0]) {
+                let names = all.iter().map(|i| name(*i)).collect();
+                warnings.push(Warning::Undetermined { names });
+            }
         }
         gone[k] = Some(ends);
-        for (rise, there) in path.iter().filter(|(rise, _)| *rise < most) {
-            let part = there.design.tr_mul(&there.design);
+        // The place that ends it counts too: at a wall it lies beyond.
+        let within = |p: &&Step| p.rise < most || (ends[0]..=ends[1]).contains(&(at[k] + p.along));
+        for Step { rise, state, .. } in path.iter().filter(within) {
+            let part = state.design.tr_mul(&state.design);
             let (inverse, _) = inverse_of(&part);
             for p in 0..n_linear {
-                let half = ((most - rise) * inverse[(p, p)]).max(0.0).sqrt();
-                reach_low[p] = reach_low[p].min(there.x[p] - half);
-                reach_high[p] = reach_high[p].max(there.x[p] + half);
+                let half = ((most - rise).max(0.0) * inverse[(p, p)]).max(0.0).sqrt();
+                reach_low[p] = reach_low[p].min(state.x[p] - half);
+                reach_high[p] = reach_high[p].max(state.x[p] + half);
             }
         }
     }
@@ -200,8 +203,12 @@ pub(super) fn estimate(
             || high[i] - at[i] < NEAR * sigma;
         let walked = match i.checked_sub(n_free) {
             None => gone[i],
-            Some(p) if reach_low[p] < reach_high[p] && held[i].is_none() => {
-                Some([reach_low[p].min(at[i] - Z95 * own), reach_high[p].max(at[i] + Z95 * own)])
+            Some(p) if reach_low[p] < reach_high[p] && (held[i].is_none() || goes(i)) => {
+                // f64::min leaves out what is no number: where it stands at a bound.
+                Some([
+                    reach_low[p].min(at[i]).min(at[i] - Z95 * own),
+                    reach_high[p].max(at[i]).max(at[i] + Z95 * own),
+                ])
             }
             Some(_) => None,
         };
@@ -280,6 +287,22 @@ pub(super) fn estimate(
     Ok(Known { estimates, covariance, response: Some(response), warnings })
 }
 
+/// The pseudo-inverse of the part of a normal matrix that some parameters have, scaled to a unit diagonal; and of each combination of them that changes nothing those that take part.
+fn open_parts(normal: &DMatrix<f64>, of: &[usize]) -> (DMatrix<f64>, Vec<Vec<usize>>) {
+    let root = |i: usize| normal[(i, i)].sqrt();
+    let scaled = DMatrix::from_fn(of.len(), of.len(), |a, b| {
+        let (i, j) = (of[a], of[b]);
+        let size = root(i) * root(j);
+        if size > 0.0 { normal[(i, j)] / size } else { 0.0 }
+    });
+    let (inverse, open) = inverse(&scaled);
+    let part = |v: &DVector<f64>| -> Vec<usize> {
+        (0..of.len()).filter(|a| v[*a].abs() > 0.1).map(|a| of[a]).collect()
+    };
+    let parts = open.iter().map(part).collect();
+    (inverse, parts)
+}
+
 /// The pseudo-inverse, of a matrix whose columns may differ in scale.
 fn inverse_of(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<DVector<f64>>) {
     let n = matrix.nrows();
@@ -292,8 +315,15 @@ fn inverse_of(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<DVector<f64>>) {
     (DMatrix::from_fn(n, n, |i, j| found[(i, j)] * root[i] * root[j]), open)
 }
 
-/// The ends of the interval of a parameter that is searched for, and the states on the way with their Δχ².
-type Walk = ([f64; 2], Vec<(f64, State)>);
+/// A place on the way along a parameter: how far, Δχ², and the fit there.
+struct Step {
+    along: f64,
+    rise: f64,
+    state: State,
+}
+
+/// The ends of the interval of a parameter that is searched for, and the way.
+type Walk = ([f64; 2], Vec<Step>);
 
 /// Goes along a parameter, the others following (first as the covariance has it, `course` per unit, then to their own minimum), to where Δχ² is `most`.
 /// `None` where χ² is a parabola within a quarter, so that the covariance says the same.
@@ -346,7 +376,7 @@ fn walk(
         }
         let state = problem.evaluate(&at)?;
         let rise = state.chi2 - base;
-        path.push((rise, state));
+        path.push(Step { along: t, rise, state });
         Ok(rise)
     };
     let mut ends = [values[k]; 2];
@@ -373,13 +403,18 @@ fn walk(
             *end = values[k] + sign * furthest;
             continue;
         }
-        // Regula falsi; an end that stays twice counts half (Dowell and Jarratt 1971: the Illinois method).
-        let mut stayed = 0_i32;
-        for _ in 0..7 {
-            if far.1.min(-near.1) < ON_THE_EDGE {
+        // Regula falsi; an end that stays twice counts half (Dowell and Jarratt 1971: the Illinois method). At a hard edge, where χ² is no parabola at all, that creeps: what did not
+        // narrow the bracket by half is followed by its middle.
+        let (mut stayed, mut halve) = (0_i32, false);
+        for _ in 0..CLOSER {
+            let width = far.0 - near.0;
+            if far.1.min(-near.1) < ON_THE_EDGE || width < ON_THE_EDGE * far.0 {
                 break;
             }
-            let middle = near.0 + (far.0 - near.0) * near.1 / (near.1 - far.1);
+            let middle = match halve {
+                true => near.0 + 0.5 * width,
+                false => near.0 + width * near.1 / (near.1 - far.1),
+            };
             let at = over(rise(problem, sign * middle)?);
             if at < 0.0 {
                 near = (middle, at);
@@ -394,8 +429,10 @@ fn walk(
                 }
                 stayed = 1;
             }
+            halve = far.0 - near.0 > 0.5 * width;
         }
-        let edge = if far.1 <= -near.1 { far.0 } else { near.0 };
+        // What is not found any closer is the outer end.
+        let edge = if -near.1 < ON_THE_EDGE { near.0 } else { far.0 };
         *end = values[k] + sign * edge;
     }
     Ok(Some((ends, path)))

@@ -15,7 +15,7 @@
 //! # Noise
 //! The covariance of an epoch is D + v vᵀ: D each channel's own variance, v = s times the model's rates, s² the relative variance that all
 //! channels share. After a first solution by the measured rates it follows the model's. Errors of calibration, the same in all samples, do not
-//! enter the weights; they are carried into the covariance of the parameters.
+//! enter the weights; they are carried into the covariance of the parameters. An outlier to which a loss gives the weight w has 1/w of its whole variance, all of the excess its own.
 //!
 //! # Priors
 //! A parameter that is known from elsewhere (a [`Prior`]) counts as one more sample, (mean − value)/σ, in χ² and in the degrees of freedom.
@@ -341,7 +341,8 @@ impl Fit {
     /// Adds a minimum that another search found, with its warning: χ² there over that of the best, over the scale of the errors. Nothing is added that is the best one itself, but for what the data do not determine, or lies so high that the data exclude it.
     pub(crate) fn add_minimum(&mut self, free: &[Free], values: Vec<f64>, delta_chi2: f64) {
         let Some(best) = self.minima.first() else { return };
-        let same = run::same_but_for_what_is_open(free, &self.parameters, &values, &best.values);
+        let (known, own) = (&self.parameters, &self.warnings);
+        let same = run::same_but_for_what_is_open(free, known, own, &values, &best.values);
         if same || delta_chi2 >= WORTH {
             return;
         }

@@ -445,20 +445,26 @@ fn m_factor(pulls: &PerSample, loss: Loss, freedom: usize) -> f64 {
     spread * spread * psi2 / freedom as f64 / (slope * slope)
 }
 
-/// Whether two minima differ in nothing but parameters that the data do not determine: they are one.
+/// Whether two minima differ in nothing but parameters that the data do not determine, alone or in a combination that is named: they are one.
 pub(super) fn same_but_for_what_is_open(
     free: &[Free],
     estimates: &[Estimate],
+    warnings: &[Warning],
     a: &[f64],
     b: &[f64],
 ) -> bool {
+    let named = |name: &String| {
+        let open =
+            |w: &Warning| matches!(w, Warning::Undetermined { names } if names.contains(name));
+        warnings.iter().any(open)
+    };
     let one = |f: &Free, a: f64, b: f64| {
         let apart = ((a - b) / (f.high - f.low)).abs();
         let apart = if f.wraps { apart.rem_euclid(1.0) } else { apart };
         if f.wraps { apart.min(1.0 - apart) } else { apart }
     };
     free.iter().zip(estimates).zip(a.iter().zip(b)).all(|((f, known), (a, b))| {
-        known.interval_method == IntervalMethod::None || one(f, *a, *b) <= SAME
+        known.interval_method == IntervalMethod::None || named(&f.name) || one(f, *a, *b) <= SAME
     })
 }
 
@@ -558,10 +564,14 @@ fn finish(
         .map(|m| Minimum {
             values: search::values(&problem, &m.at),
             chi2: m.chi2,
-            delta_chi2: (m.chi2 - best.chi2) / scaled_by,
+            // Another is deeper by rounding alone: a deeper one would be the best.
+            delta_chi2: ((m.chi2 - best.chi2) / scaled_by).max(0.0),
         })
         .filter(|m| m.delta_chi2 < WORTH)
-        .filter(|m| !same_but_for_what_is_open(problem.free, &known.estimates, &m.values, &values))
+        .filter(|m| {
+            let (known, own) = (&known.estimates, &known.warnings);
+            !same_but_for_what_is_open(problem.free, known, own, &m.values, &values)
+        })
         .collect();
     rest.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     for other in &rest {

@@ -2,8 +2,8 @@
 
 use ndarray::{Array2, Array3};
 use sunglint_inference::solver::{
-    Columns, Data, Fit, Free, IntervalMethod, Loss, Model, ModelError, Options, Purpose, Warning,
-    fit,
+    Columns, Data, Fit, Free, IntervalMethod, Linear, Loss, Model, ModelError, Options, Purpose,
+    Side, Warning, fit,
 };
 
 /// Samples.
@@ -118,5 +118,68 @@ fn a_parameter_without_effect_is_named() {
         let sigma = q.sigma.unwrap() / found.scaled_by.sqrt();
         assert!((sigma * (N as f64).sqrt() - 1.0).abs() < 1e-3, "{sigma}");
         assert!(others(&found).is_empty(), "{purpose:?}: {:?}", found.warnings);
+    }
+}
+
+/// Light that is a size squared times an albedo times 1000 to 1400: nothing tells the two apart.
+struct SizeTimesAlbedo;
+
+impl SizeTimesAlbedo {
+    fn light(i: usize) -> f64 {
+        1000.0 + 10.0 * i as f64
+    }
+}
+
+impl Model for SizeTimesAlbedo {
+    fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, ModelError> {
+        let column = |(i, _, _): (usize, usize, usize)| 0.5 * values[0].powi(2) * Self::light(i);
+        let columns = Array3::from_shape_fn((N, 1, 1), column);
+        Ok(vec![Columns { fixed: Array2::zeros((N, 1)), columns }])
+    }
+}
+
+/// Truth: closed form. Only q = size² albedo is determined, by the mean of the samples over the light, with the uncertainty 1/√Σ light². The albedo is at most 1: the size may be anything from
+/// √(q − 1.96 of that) to its own bound 2, χ² is level between and a wall at the lower end; the albedo anything from q/4 to 1. Tolerance: 1 % of the way to the end. The combination is named, wherever the search began or ended
+/// (also with the size at its bound or the albedo at its own), and places along the level are no other minima.
+#[test]
+fn what_goes_together_is_named_and_its_interval_goes_to_the_wall() {
+    let chance = data([0.0, 0.0]);
+    let rate = Array2::from_shape_fn((N, 1), |(i, _)| {
+        0.5 * SizeTimesAlbedo::light(i) + chance.rate[[i, 0]] - 100.0
+    });
+    let squares: f64 = (0..N).map(|i| SizeTimesAlbedo::light(i).powi(2)).sum();
+    let q = (0..N).map(|i| SizeTimesAlbedo::light(i) * rate[[i, 0]]).sum::<f64>() / squares;
+    let data = [Data::new("synthetic", rate, Array2::ones((N, 1)))];
+    let albedo = Linear {
+        name: "albedo".into(),
+        component: 0,
+        channels: vec![0],
+        curves: None,
+        unit: 0.5,
+        most: Some(1.0),
+        prior: None,
+    };
+    for (start, places, iterations) in [(1.0, 0, 60), (2.0, 0, 0), (0.5, 0, 60), (1.3, 32, 60)] {
+        let free = [Free::new("size", start, 0.3, 2.0)];
+        let loss = Loss::Squares;
+        let options = Options { loss, places, starts: 6, iterations, ..Options::default() };
+        let linear = std::slice::from_ref(&albedo);
+        let found = fit(&data, &mut SizeTimesAlbedo, &free, linear, &options, &mut |_| ()).unwrap();
+        let [size, albedo] = &found.parameters[..] else { panic!("{:?}", found.parameters) };
+        let wall = (q - 1.96 * (found.scaled_by / squares).sqrt()).sqrt();
+        let way = (size.value - wall).max(0.02);
+        let [low, high] = size.interval_95.map(Option::unwrap);
+        assert!(low < wall + 0.002 * way && low > wall - 0.012 * way, "{start}: {low}, {wall}");
+        assert!((high - 2.0).abs() < 1e-9, "{start}: {high}");
+        let [low, high] = albedo.interval_95.map(Option::unwrap);
+        assert!((low / (0.25 * q) - 1.0).abs() < 0.02, "{start}: {low}, {}", 0.25 * q);
+        assert!((0.98..=1.0 + 1e-9).contains(&high), "{start}: {high}");
+        if albedo.at_bound.is_none() {
+            assert!(albedo.sigma.unwrap() > 0.1, "{start}: {albedo:?}");
+        }
+        assert_eq!(size.at_bound, (iterations == 0).then_some(Side::High), "{start}: {size:?}");
+        let named = |w: &&Warning| matches!(w, Warning::Undetermined { names } if *names == ["size", "albedo"]);
+        assert_eq!(found.warnings.iter().filter(named).count(), 1, "{start}: {:?}", found.warnings);
+        assert!(others(&found).is_empty(), "{start}: {:?}", found.warnings);
     }
 }
