@@ -431,7 +431,7 @@ fn a_folder_of_nothing_says_why() {
         &[("MASK", vec![30, 40], 0), ("CHIP1", vec![30, 40], 100), ("CHIP2", vec![20, 50], 200)],
     );
     let size = |more: &[&str]| {
-        let arguments = [&["detect", "two.fits", "--json"], more].concat();
+        let arguments = [&["detect", "two.fits", "--json"][..], more].concat();
         let frame = folder.json(&arguments)["frames"][0].clone();
         (frame["size_px"].clone(), frame["notes"].to_string())
     };

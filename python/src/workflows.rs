@@ -120,7 +120,8 @@ fn scale(name: Option<&str>) -> Result<Option<Scale>, Failure> {
         Some("tai") => Some(Scale::Tai),
         Some("tt") => Some(Scale::Tt),
         Some("tdb") => Some(Scale::Tdb),
-        Some(other) => return Err(unknown("time_scale", other, "utc, tai, tt or tdb")),
+        Some("gps") => Some(Scale::Gps),
+        Some(other) => return Err(unknown("time_scale", other, "utc, tai, tt, tdb or gps")),
     })
 }
 
@@ -513,16 +514,16 @@ fn detect(
     options.aperture_px = aperture_px;
     options.saturation_adu = saturation_adu;
     options.gain_e_per_adu = gain_e_per_adu;
-    options.bayer = match bayer.as_deref() {
-        None => None,
-        Some(name) => Some(
-            sunglint_formats::Bayer::from_name(name)
-                .ok_or_else(|| unknown("bayer", name, "RGGB, GRBG, GBRG or BGGR"))?,
-        ),
-    };
     // The array is the caller's, and its pages may change under another thread: one copy.
     let own = pixels.as_array().to_owned();
-    run(py, None, move |_| Ok(serde_json::to_string(&find(own.view(), &options)?)?))
+    run(py, None, move |_| {
+        if let Some(name) = &bayer {
+            let pattern = sunglint_formats::Bayer::from_name(name);
+            let none = || unknown("bayer", name, "RGGB, GRBG, GBRG or BGGR");
+            options.bayer = Some(pattern.ok_or_else(none)?);
+        }
+        Ok(serde_json::to_string(&find(own.view(), &options)?)?)
+    })
 }
 
 /// Light within apertures at places of a frame that are given: columns of numbers, one for each place.
