@@ -257,7 +257,7 @@ impl CurveFile {
             let error = ParseError::new(path, "no column of times", photometry::TIME_COLUMNS);
             return Err(error.in_field("time_utc").into());
         };
-        let times = read.time;
+        let (times, mut notes) = (read.time, read.notes);
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let mut magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
@@ -288,7 +288,6 @@ impl CurveFile {
             ..Rows::default()
         };
         let mut keep = vec![true; table.rows()];
-        let mut notes = Vec::new();
         if let Some(good) = quality(&table) {
             let lost = good.iter().filter(|g| !**g).count();
             if lost > 0 {
