@@ -46,6 +46,20 @@ impl Simulation<'_> {
             pass.station.name
         ));
         }
+        let smeared = |i: &usize| self.over_tolerance(*i) == Some(super::promise::EXPOSURE);
+        let smeared: Vec<usize> = (0..places.len()).filter(smeared).collect();
+        if let Some(worst) =
+            smeared.iter().copied().max_by(|a, b| self.smear[*a].total_cmp(&self.smear[*b]))
+        {
+            concerns.push(format!(
+            "in {} of {} samples the light changes while they are exposed, more than the tolerance: a sample is the middle of its exposure, not its mean, from which it is off by {} at most (sample {}, {} s; flag over_tolerance); take shorter exposures, or many short ones and their mean",
+            smeared.len(),
+            places.len(),
+            light::percent(self.smear[worst]),
+            worst + 1,
+            pass.exposure_s[worst],
+        ));
+        }
         for channel in &simulation.channels {
             let saturated = channel.predicted.iter().filter(|p| p.saturated).count();
             if saturated > 0 {

@@ -63,6 +63,7 @@ impl Pass {
         let along = Along::new(&ready, &sketches, &|i| way.place(i), &|| ())?;
         drop(sketches);
 
+        let around = self.way_around()?;
         let mut part = self.clone();
         let mut all: Option<Bounds> = None;
         for piece in pieces() {
@@ -81,7 +82,9 @@ impl Pass {
                 light_relative: all.light_relative.max(bounds.light_relative),
                 ..bounds
             }));
-            each(&part.gathered(places, &lit, counts, bounds, &ready))?;
+            let smear = ready.smear(&around, &places, &counts, piece.start);
+            let found = part.gathered(places, &lit, counts, bounds, &ready);
+            each(&Simulation { smear, ..found })?;
         }
         tell(Stage::Done, 0);
         Ok(all.unwrap_or_default())

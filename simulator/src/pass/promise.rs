@@ -8,7 +8,8 @@ use sunglint_numerics::order::median;
 /// Cause that keeps samples from the requested error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Limit {
-    /// Which light has most of the stated error: `direct light`, `light between surfaces`, `earthshine`, `moonshine` or `what is left out`.
+    /// Which light has most of the stated error: `direct light`, `light between surfaces`, `earthshine`, `moonshine` or `what is left out`; or `the exposure`, where the light of its middle is
+    /// farther off its mean than all of that.
     pub light: &'static str,
     /// Samples of which this has most.
     pub samples: usize,
@@ -16,16 +17,17 @@ pub struct Limit {
     pub why: String,
 }
 
-/// Requested error, stated error, and why the request was not met: over the visible samples with light.
+/// Requested error, stated error, and why the request was not met: over the visible samples with light, and those in sunlight that have none in a channel but an error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Promise {
     /// The relative error that was asked for.
     pub asked: f64,
     /// The work that an epoch's light between surfaces may cost, CPU seconds.
     pub budget_s: f64,
-    /// Visible samples with light.
+    /// Visible samples with light, or in sunlight with an error where there is none.
     pub samples: usize,
-    /// Those of which the stated error of every channel is within what was asked.
+    /// Those of which the stated error of every channel is within what was asked, and what the middle of the exposure differs by from its mean ([`Simulation::smear`]) too. An error where there is
+    /// no light is not within it.
     pub met: usize,
     /// The median over them of the stated error of the worst channel, relative; none without light.
     pub stated_median: Option<f64>,
@@ -43,6 +45,22 @@ pub(crate) fn light_name(source: Source) -> &'static str {
         Source::Earthshine => "earthshine",
         Source::Moonshine => "moonshine",
         Source::Unknown => "what is left out",
+    }
+}
+
+/// Limit of samples whose light changes while they are exposed.
+pub(super) const EXPOSURE: &str = "the exposure";
+
+/// An error below this where there is no light is none: a photon in ten days, Hz.
+const LEAST_ERROR_HZ: f64 = 1e-6;
+
+/// What has an effect modelled that is left out.
+fn cure(effect: &str) -> String {
+    let key = effect.replace([' ', '-'], "_");
+    let keys = ["solar_disc", "inter_reflection", "earthshine", "moonshine", "finite_distance"];
+    match keys.contains(&key.as_str()) {
+        true => format!(" ({key} = \"on\" in [effects] has it modelled)"),
+        false => String::new(),
     }
 }
 
@@ -65,21 +83,36 @@ impl Simulation<'_> {
         if self.channels.is_empty() { of_v() } else { worst }
     }
 
-    /// Whether a sample's stated error is more than what was asked, and which light has most of it.
+    /// Whether a sample's error is more than what was asked, and which light has most of it. Without light in some channel it is wherever there is an error.
     pub fn over_tolerance(&self, sample: usize) -> Option<&'static str> {
-        let stated = self.stated_relative(sample)?;
+        let stated = self.stated_relative(sample).unwrap_or(0.0);
+        let stated = if self.is_dark(sample) { f64::INFINITY } else { stated };
+        let smear = if self.places[sample].hidden { 0.0 } else { self.smear[sample] };
+        if smear > stated.max(self.pass.tolerance) {
+            return Some(EXPOSURE);
+        }
         (stated > self.pass.tolerance)
             .then(|| self.limits[sample].map_or("what is left out", light_name))
     }
 
+    /// Whether a sample is visible and in sunlight, and some channel has an error but no light.
+    fn is_dark(&self, sample: usize) -> bool {
+        let place = &self.places[sample];
+        let dark = |c: &super::ChannelSamples| {
+            c.rate_hz[sample] == 0.0 && c.error_hz[sample] > LEAST_ERROR_HZ
+        };
+        !place.hidden && place.sunlit > 0.0 && self.channels.iter().any(dark)
+    }
+
     /// The promise of all samples together.
     pub fn promise(&self) -> Promise {
-        let stated: Vec<(usize, f64)> = (0..self.places.len())
-            .filter_map(|sample| Some((sample, self.stated_relative(sample)?)))
-            .collect();
+        let stated: Vec<Option<f64>> =
+            (0..self.places.len()).map(|sample| self.stated_relative(sample)).collect();
+        let counted = |sample: &usize| stated[*sample].is_some() || self.is_dark(*sample);
+        let counted: Vec<usize> = (0..stated.len()).filter(counted).collect();
         let mut limited_by: Vec<Limit> = Vec::new();
         let mut met = 0;
-        for (sample, _) in &stated {
+        for sample in &counted {
             let Some(light) = self.over_tolerance(*sample) else {
                 met += 1;
                 continue;
@@ -90,11 +123,11 @@ impl Simulation<'_> {
             }
         }
         limited_by.sort_by_key(|limit| std::cmp::Reverse(limit.samples));
-        let shares: Vec<f64> = stated.iter().map(|(_, share)| *share).collect();
+        let shares: Vec<f64> = stated.iter().copied().flatten().collect();
         Promise {
             asked: self.pass.tolerance,
             budget_s: self.pass.budget_s,
-            samples: shares.len(),
+            samples: counted.len(),
             met,
             stated_median: median(shares.iter().copied()),
             stated_largest: shares.iter().copied().reduce(f64::max),
@@ -116,12 +149,22 @@ impl Simulation<'_> {
                 let bound = |n: &Need| n.bound.unwrap_or(0.0);
                 let most = self.needs.iter().filter(missing);
                 match most.max_by(|a, b| bound(a).total_cmp(&bound(b))) {
-                    Some(need) => format!("{} of up to {}", need.effect, need.bound_text()),
+                    Some(need) => {
+                        let cure = cure(need.effect);
+                        format!("{} of up to {}{cure}", need.effect, need.bound_text())
+                    }
                     None => "the edge of the Earth's shadow".into(),
                 }
             }
             "direct light" => {
                 "curved parts, the Sun's disc, or the edge of the Earth's shadow".into()
+            }
+            EXPOSURE => {
+                let most = self.smear.iter().copied().fold(0.0, f64::max);
+                format!(
+                    "the light changes while it is taken, and its middle, which stands for it, is up to {} off its mean; shorter exposures, or `compare`, which averages",
+                    percent(most)
+                )
             }
             _ => "its own stated error".into(),
         }
@@ -137,7 +180,14 @@ impl Promise {
     /// The promise in one line.
     pub fn line(&self) -> String {
         let (Some(median), Some(largest)) = (self.stated_median, self.stated_largest) else {
-            return format!("asked {}; no sample has light", percent(self.asked));
+            let dark = match self.limited_by.first() {
+                None => String::new(),
+                Some(limit) => format!(
+                    ", but {} of them in sunlight have an error; limited by {}: {}",
+                    self.samples, limit.light, limit.why
+                ),
+            };
+            return format!("asked {}; no sample has light{dark}", percent(self.asked));
         };
         let stated = format!(
             "asked {}, stated {} in the median, {} at most",
