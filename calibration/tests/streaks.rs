@@ -306,3 +306,30 @@ fn clipped_pixels_are_saturation() {
         }
     }
 }
+/// A globular cluster (synthetic): stars in numbers as flux^-1 whose density falls from the middle. Truth: no line was drawn. With wings of a Moffat profile (β 3), as the air makes them.
+#[test]
+fn rows_of_stars_are_no_streaks() {
+    let mut lines = 0;
+    for seed in 0..4 {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(0x613 + seed);
+        let mut light = Array2::from_elem((300, 300), 120.0);
+        let spread = Normal::new(150.0, 45.0).unwrap();
+        for _ in 0..700 {
+            let place: [f64; 2] = [spread.sample(&mut rng), spread.sample(&mut rng)];
+            let height = 60.0 * 100_f64.powf(rng.random_range(0.0..1.0));
+            for row in
+                (place[1] - 25.0).max(0.0) as usize..((place[1] + 26.0).max(0.0) as usize).min(300)
+            {
+                for column in (place[0] - 25.0).max(0.0) as usize
+                    ..((place[0] + 26.0).max(0.0) as usize).min(300)
+                {
+                    let r2 = (column as f64 - place[0]).powi(2) + (row as f64 - place[1]).powi(2);
+                    light[[row, column]] += height / (1.0 + r2 / 9.6).powi(3);
+                }
+            }
+        }
+        let field = found(&noisy(&light, 29.0, &mut rng));
+        lines += field.streaks.len();
+    }
+    assert!(lines <= 12, "{lines} streaks");
+}

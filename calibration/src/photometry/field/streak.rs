@@ -3,7 +3,7 @@
 use super::radon::{Seed, seeds};
 use super::{FieldOptions, Prepared};
 use std::f64::consts::{PI, SQRT_2};
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// Inputs of a search besides the prepared frame.
 pub(crate) struct Search<'a> {
@@ -410,7 +410,11 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
     if significance < asked || length < options.shortest_px || width > 1.8 * sigma {
         return None;
     }
-    if !is_lit(prepared, &moved, independent) || !is_wide(prepared, &moved, sigma) {
+    if !is_lit(prepared, &moved, independent)
+        || !is_wide(prepared, &moved, sigma)
+        || !is_even(prepared, &moved, sigma)
+        || !stands_out(prepared, &moved, sigma, independent)
+    {
         return None;
     }
     if length < 60.0 * sigma && explained < 1.05 * points(prepared, &moved, sigma) {
@@ -461,6 +465,95 @@ fn is_lit(prepared: &Prepared, line: &Line, independent: f64) -> bool {
         dark += usize::from(here < 0.5 * level && here < level - 2.5 * noise || here < 0.2 * level);
     }
     known >= 2 && dark == 0
+}
+
+/// Part of a line's middle by which its light may go up and down within a few widths of a point.
+const UNEVEN: f64 = 0.2;
+
+/// Whether the light of a line is even from one width of a point to the next: stars in a row go up and down within it, a satellite's light, though it may change along the
+/// line, does not. Faint ones are told by the smoothed frame, bright ones by the light across.
+fn is_even(prepared: &Prepared, line: &Line, sigma: f64) -> bool {
+    let lit = heights(prepared, line);
+    let step = line.length() / (lit.len() - 1).max(1) as f64;
+    // The smoothed noise of places three widths apart is nearly independent.
+    let smooth = bend(&lit, 1.2 * sigma / step, 3.0 * sigma / step);
+    if smooth.is_some_and(|[bend, middle, n]| {
+        let few = 1.0 + 2.0 * (3.0 * sigma / (n * step)).sqrt();
+        bend > BEND_NOISE * few + UNEVEN * middle
+    }) {
+        return false;
+    }
+    let fine = across(prepared, line, sigma);
+    let noise = (2.0 * sigma * PI.sqrt()).sqrt().recip();
+    bend(&fine, 1.5 * sigma, 2.2 * sigma).is_none_or(|[bend, middle, n]| {
+        let few = 1.0 + 2.0 * (2.2 * sigma / n).sqrt();
+        bend < BEND_NOISE * few * noise + UNEVEN * middle
+    })
+}
+
+/// Median distance from 0 of a value less the mean of two others, of which all three have a standard deviation of 1.
+const BEND_NOISE: f64 = 1.22 * 0.674;
+
+/// Median bend of a row of values, each held against those so many places to either side, the values' median, and the number of bends; the ends, where the light rises, are left out.
+/// `None` where it is too short, or too much of it hidden, to tell.
+fn bend(values: &[Option<f64>], trim: f64, apart: f64) -> Option<[f64; 3]> {
+    let [trim, apart] = [trim, apart].map(|n| n.round().max(1.0) as usize);
+    let values = values.get(trim..values.len().saturating_sub(trim))?;
+    let middle = median(values.iter().flatten().copied())?;
+    let bends: Vec<f64> = values
+        .windows(2 * apart + 1)
+        .filter_map(|w| Some((w[apart]? - 0.5 * (w[0]? + w[2 * apart]?)).abs()))
+        .collect();
+    let n = bends.len() as f64;
+    (n >= 3.0).then_some([median(bends)?, middle, n])
+}
+
+/// The light across a line, pixel by pixel along it, by a fit of a point's profile, in standard deviations of a pixel; `None` where it is masked.
+fn across(prepared: &Prepared, line: &Line, sigma: f64) -> Vec<Option<f64>> {
+    let corridor = Corridor::of(prepared, line, 3.0 * sigma, 0.0);
+    let bins = line.length().floor().max(1.0) as usize;
+    let mut sums = vec![[0.0; 2]; bins];
+    for [along, across, value] in corridor.pixels {
+        let weight = (-0.5 * (across / sigma).powi(2)).exp();
+        let bin = (along - line.from).max(0.0) as usize;
+        if let Some([light, norm]) = sums.get_mut(bin) {
+            *light += weight * value;
+            *norm += weight * weight;
+        }
+    }
+    // All pixels of a bin would give so much.
+    let whole = sigma * PI.sqrt();
+    sums.into_iter().map(|[light, norm]| (norm > 0.6 * whole).then(|| light / norm)).collect()
+}
+
+/// Whether a line is brighter than lines beside it, the more so the more of these is hidden: in a crowd of stars, or on a nebula, many are bright.
+fn stands_out(prepared: &Prepared, line: &Line, sigma: f64, independent: f64) -> bool {
+    let own: Vec<f64> = heights(prepared, line).into_iter().flatten().collect();
+    let noise = 1.25 / (own.len() as f64 / independent).max(1.0).sqrt();
+    let Some(own) = median(own) else { return false };
+    let (mut beside, mut hidden, mut all) = (Vec::new(), 0, 0);
+    for step in 2..=8 {
+        for sign in [-1.0, 1.0] {
+            let offset = sign * 3.0 * sigma * f64::from(step);
+            let moved = line.moved(offset, offset);
+            let seen: Vec<f64> = heights(prepared, &moved).into_iter().flatten().collect();
+            let length = moved.length().round() as usize + 1;
+            all += length;
+            hidden += length.saturating_sub(seen.len());
+            if 4 * seen.len() > length {
+                beside.extend(median(seen));
+            }
+        }
+    }
+    if beside.len() < 6 {
+        return true;
+    }
+    let crowd = hidden as f64 / all.max(1) as f64;
+    let Some(level) = median(beside.iter().copied()) else { return true };
+    let spread = SIGMA_PER_MAD * median(beside.iter().map(|v| (v - level).abs())).unwrap_or(0.0);
+    // What the noise alone does not make, as far as so few lines tell.
+    let confusion = (spread * spread - 2.0 * noise * noise).max(0.0).sqrt();
+    own - level > 3.0 * noise + (4.0 + 8.0 * crowd) * confusion
 }
 
 /// Whether a line is about as wide as a point: the smoothed frame two widths beside it holds e⁻¹ of its crest, less of a narrow track, more of an edge.
