@@ -3,9 +3,9 @@
 use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 use std::path::Path;
-use sunglint_formats::photometry::{ColumnNames, Scale};
+use sunglint_formats::photometry::{ColumnNames, Scale, TimeFormat};
 use sunglint_radiometry::light_curve::published::{
-    CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError, Unusable,
+    CurveFile, MagnitudeKind, MagnitudeOptions, ObjectRows, PublishedError, Unusable,
 };
 
 /// Kind of measured magnitudes.
@@ -43,6 +43,24 @@ pub struct TimeColumn {
     /// Of times whose column and header name no scale: which it is; scales differ by more than a minute
     #[arg(long, value_enum)]
     pub time_scale: Option<TimeScale>,
+    /// Of times as numbers whose column's name does not say it: what they are
+    #[arg(long, value_enum)]
+    pub time_format: Option<Numbers>,
+}
+
+/// Meaning of the numbers in a column of times.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Numbers {
+    /// Julian dates
+    Jd,
+    /// Modified Julian dates
+    Mjd,
+    /// Seconds since 1970-01-01 in UTC, leap seconds left out
+    Unix,
+    /// Seconds from a moment that is not known
+    S,
+    /// Texts by ISO 8601
+    Iso,
 }
 
 /// Scale of times.
@@ -56,6 +74,8 @@ pub enum TimeScale {
     Tt,
     /// Barycentric dynamical time
     Tdb,
+    /// The time of GPS
+    Gps,
 }
 
 impl TimeColumn {
@@ -67,6 +87,14 @@ impl TimeColumn {
             TimeScale::Tai => Scale::Tai,
             TimeScale::Tt => Scale::Tt,
             TimeScale::Tdb => Scale::Tdb,
+            TimeScale::Gps => Scale::Gps,
+        });
+        names.format = self.time_format.map(|format| match format {
+            Numbers::Jd => TimeFormat::Jd,
+            Numbers::Mjd => TimeFormat::Mjd,
+            Numbers::Unix => TimeFormat::Unix,
+            Numbers::S => TimeFormat::Seconds,
+            Numbers::Iso => TimeFormat::Iso,
         });
     }
 }
@@ -80,12 +108,18 @@ pub struct Magnitudes {
     /// The column of magnitudes, where a table of them is given [default: magnitude, mag, V … or flux]
     #[arg(long = "magnitude-column", value_name = "NAME")]
     pub column: Option<String>,
+    /// The column of their standard uncertainties [default: sigma_mag, mag_err …]
+    #[arg(long, value_name = "NAME")]
+    pub sigma_column: Option<String>,
     /// Kind of these magnitudes
     #[arg(long = "magnitudes-as", value_enum, default_value_t)]
     pub law: ComparedAs,
     /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
     #[arg(long, value_name = "MAG")]
     pub sigma_mag: Option<f64>,
+    /// Of a table of several objects: the one whose rows are taken
+    #[arg(long, value_name = "NAME")]
+    pub object: Option<String>,
 }
 
 impl Magnitudes {
@@ -93,8 +127,14 @@ impl Magnitudes {
     pub fn options(&self) -> MagnitudeOptions {
         let mut columns = ColumnNames::default();
         self.time.put_into(&mut columns);
+        columns.sigma.clone_from(&self.sigma_column);
         columns.magnitude.clone_from(&self.column);
-        MagnitudeOptions { columns, kind: self.law.into(), sigma_mag: self.sigma_mag }
+        MagnitudeOptions {
+            columns,
+            kind: self.law.into(),
+            sigma_mag: self.sigma_mag,
+            rows: self.object.clone().map_or(ObjectRows::One, ObjectRows::Of),
+        }
     }
 
     /// Reads a file of rates or magnitudes.
@@ -110,6 +150,7 @@ impl Magnitudes {
 pub fn with_hint(error: PublishedError) -> anyhow::Error {
     match error {
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
+        PublishedError::Objects { .. } => anyhow!("{error} (--object NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),
         PublishedError::NoneUsable { why: Unusable::Short { .. } | Unusable::NoNoise, .. } => {
             anyhow!("{error} (--sigma-mag MAG says it)")

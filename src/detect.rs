@@ -3,11 +3,12 @@
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::Context as _;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_formats::FileError;
-use sunglint_formats::image_frame::ImageFrame;
+use sunglint_formats::frame::Bayer;
+use sunglint_formats::image_frame::{Extension, ImageFrame, Mosaic, ReadOptions};
 use sunglint_numerics::progress::Progress as _;
 use sunglint_report::detect::{self as report, Detected};
 
@@ -17,12 +18,67 @@ pub struct DetectArgs {
     /// Frames (FITS, packed with gzip or not), or folders of them
     #[arg(required = true, value_name = "FILE")]
     pub frames: Vec<PathBuf>,
+    /// How files are read.
+    #[command(flatten)]
+    pub reading: ReadingArgs,
     /// How sources are found.
     #[command(flatten)]
     pub search: SearchArgs,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
+}
+
+/// How files of frames are read.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "The files")]
+pub struct ReadingArgs {
+    /// Image of files that hold several: its EXTNAME, or its place from 0 [default: SCI, else the first that is no mask]
+    #[arg(long, value_name = "NAME|N")]
+    pub extension: Option<String>,
+    /// Colours of the first 2 x 2 pixels [default: as the headers say]
+    #[arg(long, value_enum, value_name = "PATTERN", ignore_case = true)]
+    pub bayer: Option<BayerArg>,
+}
+
+/// Colours of the first 2 × 2 pixels.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+#[value(rename_all = "UPPER")]
+pub enum BayerArg {
+    /// Red, green; green, blue
+    Rggb,
+    /// Green, red; blue, green
+    Grbg,
+    /// Green, blue; red, green
+    Gbrg,
+    /// Blue, green; green, red
+    Bggr,
+    /// A monochrome camera
+    #[value(name = "none")]
+    None,
+}
+
+impl ReadingArgs {
+    /// The options for reading.
+    pub(crate) fn options(&self) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.extension = self.extension.as_deref().map(Extension::of);
+        options.mosaic = self.bayer.map(|pattern| match pattern {
+            BayerArg::Rggb => Mosaic::Pattern(Bayer::Rggb),
+            BayerArg::Grbg => Mosaic::Pattern(Bayer::Grbg),
+            BayerArg::Gbrg => Mosaic::Pattern(Bayer::Gbrg),
+            BayerArg::Bggr => Mosaic::Pattern(Bayer::Bggr),
+            BayerArg::None => Mosaic::Monochrome,
+        });
+        options
+    }
+
+    /// The options for reading where the time does not matter.
+    pub(crate) fn whenever(&self) -> ReadOptions {
+        let mut options = self.options();
+        options.without_time = true;
+        options
+    }
 }
 
 /// How sources are found.
@@ -116,13 +172,14 @@ pub fn run(args: &DetectArgs, console: Console) -> anyhow::Result<()> {
     progress.begin("frames", Some(files.len() as u64));
     let mut frames = Vec::new();
     for (i, path) in files.iter().enumerate() {
-        let frame = ImageFrame::read_whenever(path)?;
+        let mut frame = ImageFrame::read_as(path, &args.reading.whenever())?;
         let mut options = args.search.options();
         options.saturation_adu = frame.header.saturation_adu;
         options.gain_e_per_adu = frame.header.gain_e_per_adu;
-        options.is_mosaic = frame.header.bayer.is_some();
+        options.bayer = frame.header.bayer;
         let field =
             find(frame.pixels.view(), &options).with_context(|| path.display().to_string())?;
+        frame.header.notes.extend(field.remarks.iter().cloned());
         frames.push(Detected::new(&frame.header, field, frame.pixels.view(), report::is_drawn(i)));
         progress.advance(1);
     }

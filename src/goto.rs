@@ -343,7 +343,7 @@ impl Eye {
         let mut options = FieldOptions::default();
         options.saturation_adu = frame.saturation_adu;
         options.gain_e_per_adu = frame.gain_e_per_adu;
-        options.is_mosaic = frame.bayer.is_some();
+        options.bayer = frame.bayer;
         let scale_arcsec = self.scale_arcsec.map(|scale| scale * f64::from(frame.binning[0]));
         let hint = Hint { middle, scale_arcsec };
         let looked = self.solver.solve(pixels.view(), &hint, &options);

@@ -4,9 +4,11 @@ use anyhow::Context as _;
 use clap::Args;
 use serde_json::Value;
 use std::collections::HashSet;
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use sunglint_formats::atomic::{Overwrite, write_file};
+use std::sync::Mutex;
+use sunglint_formats::atomic::{Overwrite, Part, write_file};
 use sunglint_formats::text::{file_name, printable};
 use sunglint_formats::{FileError, ecsv};
 use sunglint_report::{Format, Product, ProductError};
@@ -203,6 +205,21 @@ impl OutputArgs {
         self.finish_raw(product, others, text.as_bytes(), console)
     }
 
+    /// Finishes as [`OutputArgs::finish`] does, with files of the product that were written while it was made.
+    pub fn finish_made(
+        &self,
+        product: &Product,
+        made: Made,
+        text: &str,
+        console: Console,
+    ) -> anyhow::Result<()> {
+        let mut text = printable(text).to_string();
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        self.finish_all(product, made, Vec::new(), text.as_bytes(), console)
+    }
+
     /// Finishes as [`OutputArgs::finish_with`] does, with a text of any bytes, which are printed as they are: names of files need not be UTF-8.
     pub fn finish_raw(
         &self,
@@ -211,17 +228,41 @@ impl OutputArgs {
         text: &[u8],
         console: Console,
     ) -> anyhow::Result<()> {
+        self.finish_all(product, Made::default(), others, text, console)
+    }
+
+    fn finish_all(
+        &self,
+        product: &Product,
+        mut made: Made,
+        others: Vec<(PathBuf, Vec<u8>)>,
+        text: &[u8],
+        console: Console,
+    ) -> anyhow::Result<()> {
         self.check_with(console)?;
         let wanted = self.targets(product);
         let paths = wanted.iter().map(|(path, _)| path).chain(others.iter().map(|(path, _)| path));
         let written = self.check_targets(paths.map(PathBuf::as_path)).and_then(|()| {
-            let mut files = self.files_of(product)?;
-            files.extend(others);
-            if self.is_stdout() {
-                console.print(&ecsv::to_string(&product.table)?)?;
+            let mut files = Vec::new();
+            for (path, part) in wanted {
+                let content = match made.take(&Target::File(path.clone())) {
+                    Some(file) => Content::Made(file),
+                    None => Content::Bytes(encoded(part, &path)?),
+                };
+                files.push((path, content));
             }
-            self.write_files(&files, console)
+            files.extend(others.into_iter().map(|(path, bytes)| (path, Content::Bytes(bytes))));
+            if self.is_stdout() {
+                match made.take(&Target::Stdout) {
+                    Some(file) => file.finish()?,
+                    None => console.print(&ecsv::to_string(&product.table)?)?,
+                }
+            }
+            self.write_contents(files, console)
         });
+        if written.is_ok() {
+            made.keep_folders();
+        }
         let is_quiet = console.quiet && !console.json;
         match written {
             Ok(files) if self.is_stdout() || is_quiet && !files.is_empty() => Ok(()),
@@ -235,6 +276,56 @@ impl OutputArgs {
                 Err(error)
             }
         }
+    }
+
+    /// Where a product is wanted that is written while it is made: in folders in one form, under the names of files in those that it has `alone`.
+    pub fn streams(
+        &self,
+        name: &str,
+        in_folder: Format,
+        alone: &[Format],
+    ) -> anyhow::Result<Vec<(Target, Format)>> {
+        let mut wanted = Vec::new();
+        for target in &self.output {
+            if target.as_os_str() == "-" {
+                if alone.contains(&Format::Ecsv) {
+                    wanted.push((Target::Stdout, Format::Ecsv));
+                }
+            } else if is_folder(target) {
+                let extension = if in_folder == Format::Fits { "fits" } else { "ecsv" };
+                let file = target.join(named(&format!("{name}.{extension}")));
+                wanted.push((Target::File(file), in_folder));
+            } else {
+                let format = format_of(target)?;
+                if alone.contains(&format) {
+                    wanted.push((Target::File(target.clone()), format));
+                }
+            }
+        }
+        Ok(wanted)
+    }
+
+    /// Begins a file that is written while its numbers are made.
+    pub fn begin(&self, target: &Target, made: &mut Made) -> anyhow::Result<MadeFile> {
+        let path = match target {
+            Target::File(path) if !is_device(path) => path,
+            _ => {
+                let spool = tempfile::tempfile().with_context(|| {
+                    format!("cannot make a temporary file in {}", std::env::temp_dir().display())
+                })?;
+                return Ok(MadeFile::Spool(target.clone(), spool));
+            }
+        };
+        let folder = folder_of(path);
+        if self.output.iter().any(|target| is_folder(target) && target == folder) {
+            made.make_folder(folder)?;
+        }
+        let overwrite = if self.force { Overwrite::Allow } else { Overwrite::Refuse };
+        let part = Part::begin(path, overwrite).map_err(written)?;
+        if let Ok(mut left) = LEFT.lock() {
+            left.push(part.part_path().to_path_buf());
+        }
+        Ok(MadeFile::Part(part))
     }
 
     /// The files that a product becomes.
@@ -274,16 +365,29 @@ impl OutputArgs {
         files: &[(PathBuf, Vec<u8>)],
         console: Console,
     ) -> anyhow::Result<Vec<PathBuf>> {
+        let contents = files.iter().map(|(path, bytes)| (path.clone(), Content::Borrowed(bytes)));
+        self.write_contents(contents.collect(), console)
+    }
+
+    fn write_contents(
+        &self,
+        files: Vec<(PathBuf, Content<'_>)>,
+        console: Console,
+    ) -> anyhow::Result<Vec<PathBuf>> {
         self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
         for folder in self.output.iter().filter(|p| is_folder(p)) {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot create the folder {}", folder.display()))?;
         }
         let mut written = Vec::new();
-        for (path, bytes) in files {
-            self.write_file(path, bytes)?;
+        for (path, content) in files {
+            match content {
+                Content::Bytes(bytes) => self.write_file(&path, &bytes)?,
+                Content::Borrowed(bytes) => self.write_file(&path, bytes)?,
+                Content::Made(file) => file.finish()?,
+            }
             console.say(&format!("wrote {}", path.display()));
-            written.push(path.clone());
+            written.push(path);
         }
         Ok(written)
     }
@@ -298,11 +402,184 @@ impl OutputArgs {
                 .with_context(|| format!("cannot write {}", path.display()));
         }
         let overwrite = if self.force { Overwrite::Allow } else { Overwrite::Refuse };
-        write_file(path, bytes, overwrite).map_err(|error| match error {
-            FileError::Exists { path } => there_already(&path),
-            error => error.into(),
-        })
+        write_file(path, bytes, overwrite).map_err(written)
     }
+}
+
+fn written(error: FileError) -> anyhow::Error {
+    match error {
+        FileError::Exists { path } => there_already(&path),
+        error => error.into(),
+    }
+}
+
+/// Contents of a file.
+enum Content<'a> {
+    Bytes(Vec<u8>),
+    Borrowed(&'a [u8]),
+    Made(MadeFile),
+}
+
+/// Temporary files and new folders that are to be removed where a signal ends the program: the files first.
+static LEFT: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Where something goes that is written while it is made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// The standard output.
+    Stdout,
+    /// A file, or a device.
+    File(PathBuf),
+}
+
+/// Something that is written while it is made: into a temporary file beside its place, or, for stdout and devices, into one without a name.
+#[derive(Debug)]
+pub enum MadeFile {
+    /// A file that is moved into its place.
+    Part(Part),
+    /// Data that are copied to their place at the end, so that nothing is there if the work fails.
+    Spool(Target, File),
+}
+
+impl MadeFile {
+    fn is_for(&self, target: &Target) -> bool {
+        match (self, target) {
+            (Self::Part(part), Target::File(path)) => part.path() == path,
+            (Self::Spool(own, _), target) => own == target,
+            (Self::Part(_), Target::Stdout) => false,
+        }
+    }
+
+    /// The place in words, for errors.
+    pub fn place(&self) -> String {
+        match self {
+            Self::Part(part) => part.path().display().to_string(),
+            Self::Spool(Target::File(path), _) => path.display().to_string(),
+            Self::Spool(Target::Stdout, _) => "a temporary file for the standard output".into(),
+        }
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        match self {
+            Self::Part(part) => {
+                let temporary = part.part_path().to_path_buf();
+                part.finish().map_err(written)?;
+                if let Ok(mut left) = LEFT.lock() {
+                    left.retain(|path| *path != temporary);
+                }
+            }
+            Self::Spool(target, mut spool) => {
+                spool.seek(SeekFrom::Start(0))?;
+                match target {
+                    Target::Stdout => {
+                        let mut out = std::io::stdout().lock();
+                        std::io::copy(&mut spool, &mut out)?;
+                        out.flush()?;
+                    }
+                    Target::File(path) => {
+                        let device = std::fs::OpenOptions::new().write(true).open(&path);
+                        device
+                            .and_then(|mut device| std::io::copy(&mut spool, &mut device))
+                            .with_context(|| format!("cannot write {}", path.display()))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Write for MadeFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match self {
+            Self::Part(part) => part.write(bytes),
+            Self::Spool(_, spool) => spool.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        match self {
+            Self::Part(part) => part.flush(),
+            Self::Spool(_, spool) => spool.flush(),
+        }
+    }
+}
+
+impl Seek for MadeFile {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        match self {
+            Self::Part(part) => part.seek(to),
+            Self::Spool(_, spool) => spool.seek(to),
+        }
+    }
+}
+
+/// Files that were written while a product was made, for [`OutputArgs::finish_made`]. What is not taken is removed, with the folders that were made for it.
+#[derive(Debug, Default)]
+pub struct Made {
+    files: Vec<MadeFile>,
+    /// New folders, each after those that it is in.
+    folders: Vec<PathBuf>,
+}
+
+impl Made {
+    /// Adds a file with all that belongs into it.
+    pub fn add(&mut self, file: MadeFile) {
+        self.files.push(file);
+    }
+
+    fn take(&mut self, target: &Target) -> Option<MadeFile> {
+        let place = self.files.iter().position(|file| file.is_for(target))?;
+        Some(self.files.swap_remove(place))
+    }
+
+    fn make_folder(&mut self, folder: &Path) -> anyhow::Result<()> {
+        let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
+        let mut missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        if let Ok(mut left) = LEFT.lock() {
+            left.extend(missing.iter().cloned());
+        }
+        missing.reverse();
+        self.folders.extend(missing);
+        Ok(())
+    }
+
+    fn keep_folders(&mut self) {
+        if let Ok(mut left) = LEFT.lock() {
+            left.retain(|path| !self.folders.contains(path));
+        }
+        self.folders.clear();
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        self.files.clear();
+        // One that something else was put into stays.
+        for folder in self.folders.iter().rev() {
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
+/// Removes what is half made where Ctrl-C, a kill or a lost terminal ends the program, which then ends as it always did.
+pub fn clean_up_on_signals() -> anyhow::Result<()> {
+    crate::interrupt::listen(crate::interrupt::Hangup::Ends, || {
+        if let Ok(left) = LEFT.lock() {
+            let (folders, files): (Vec<_>, Vec<_>) = left.iter().partition(|path| path.is_dir());
+            for file in files {
+                let _ = std::fs::remove_file(file);
+            }
+            let mut folders = folders;
+            folders.sort_by_key(|folder| std::cmp::Reverse(folder.components().count()));
+            for folder in folders {
+                let _ = std::fs::remove_dir(folder);
+            }
+        }
+        let _ = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGINT);
+    })
 }
 
 /// The name of a file within its folder, whatever the name of a scene or a target holds.

@@ -519,9 +519,11 @@ impl PassesArgs {
             (file, elements::text(sets).into_bytes()),
             (path.clone(), night.toml(devices).into_bytes()),
         ];
+        // As `observe` will, but without its devices, which may be elsewhere. Nothing is handed over that it could not read.
+        let text = String::from_utf8_lossy(&files[1].1).into_owned();
+        let plan = Plan::of_text(&path, &text, &files[..1])
+            .context("the plan that was made cannot be read, and is not written")?;
         let files = plans.write_files(&files, console)?;
-        // As `observe` will, but without its devices, which may be elsewhere.
-        let plan = Plan::read(&path)?;
         let mut options = PreflightOptions::default();
         options.open_devices = false;
         options.now = options.now.min(plan.from);

@@ -19,7 +19,7 @@ use sunglint_calibration::reduction::{Library, Recipe, ReduceError, ReduceOption
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
-use sunglint_formats::image_frame::ImageFrame;
+use sunglint_formats::image_frame::{ImageFrame, ReadOptions};
 use sunglint_formats::session::Session;
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::sky::Site;
@@ -57,6 +57,9 @@ pub struct ReduceArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
+    /// How files of other programs are read.
+    #[command(flatten)]
+    pub reading: crate::detect::ReadingArgs,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -360,6 +363,11 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     if !folder.join("session.toml").exists() && (!folder.is_dir() || has_frames(folder)) {
         return run_frames(args, console);
     }
+    if args.reading.extension.is_some() || args.reading.bayer.is_some() {
+        return Err(
+            Usage("--extension and --bayer are about frames of other programs".into()).into()
+        );
+    }
     if args.raw && args.out.output.is_empty() {
         return Err(Usage("--raw writes files: give -o FOLDER/".into()).into());
     }
@@ -418,6 +426,7 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     }
     let files = crate::detect::files_of(&inputs)?;
     let mut options = FolderOptions::default();
+    options.reading = args.reading.options();
     options.field.fwhm_px = args.frames.fwhm_px;
     options.field.aperture_px = args.frames.aperture_px;
     options.field.point_sigmas = args.frames.detect_sigma;
@@ -426,7 +435,8 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         args.others.place_px.as_deref().and_then(|p| Some([*p.first()?, *p.get(1)?]));
     options.parts = args.others.along;
     options.stars = args.others.stars()?;
-    options.seen_from = args.others.seen_from(&args.station, first_time(&files))?;
+    let first = first_time(&files, &options.reading);
+    options.seen_from = args.others.seen_from(&args.station, first)?;
     options.darks.clone_from(&args.frames.dark);
     options.flats.clone_from(&args.frames.flat);
     let progress = Bar::new(console);
@@ -452,8 +462,9 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
 const OLD_DAYS: f64 = 7.0;
 
 /// Time of the first file that has one: of several sets of an object the nearest is taken.
-fn first_time(files: &[PathBuf]) -> Option<Epoch> {
-    files.iter().find_map(|file| ImageFrame::read(file).ok()?.header.time.map(|time| time.middle))
+fn first_time(files: &[PathBuf], options: &ReadOptions) -> Option<Epoch> {
+    let read = |file: &PathBuf| ImageFrame::read_as(file, options).ok();
+    files.iter().find_map(|file| read(file)?.header.time.map(|time| time.middle))
 }
 
 /// Writes the magnitudes as SCORE takes them.

@@ -3,22 +3,30 @@
 mod active;
 
 use crate::explain;
-use crate::output::{Console, OutputArgs, Usage};
+use crate::output::{Console, Made, MadeFile, OutputArgs, Target, Usage, clean_up_on_signals};
 use crate::star::when;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
+use sunglint_formats::Table;
+use sunglint_radiometry::light_curve::SpectralFile;
 use sunglint_radiometry::station::Laser;
-use sunglint_report::Product;
-use sunglint_report::simulate::SimulationReport;
-use sunglint_simulator::pass::{Cost, Overrides, Pass, PassFile, Progress, Stage, Stopwatch};
+use sunglint_report::simulate::{Gathered, SimulationReport, names};
+use sunglint_report::{Format, Product, TableRows};
+use sunglint_simulator::pass::{
+    Cost, Extras, Overrides, Pass, PassError, PassFile, Piece, Progress, Stage, Stopwatch,
+};
 
 /// Time after which work shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Epochs of a piece at most, and values of its spectra: some 25 MB with all that is made of it.
+const PIECE_EPOCHS: usize = 2048;
+const PIECE_BINS: usize = 400_000;
 
 /// Arguments of `sunglint simulate`.
 #[derive(Debug, Args)]
@@ -49,6 +57,9 @@ pub struct SimulateArgs {
     /// Only this laser; may be given several times
     #[arg(long, value_name = "NAME", requires = "active")]
     pub laser: Vec<String>,
+    /// Epochs that are computed and written at once, for tests: results do not depend on it
+    #[arg(long, hide = true, value_name = "EPOCHS")]
+    pub piece_epochs: Option<NonZeroUsize>,
     /// Which station, in place of the file's.
     #[command(flatten)]
     pub station: StationArgs,
@@ -78,16 +89,23 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         ..Overrides::default()
     };
     let pass = read(&args.pass, &args.station, overrides)?;
-    args.out.check_names(&[format!("{}.ecsv", pass.name)])?;
+    let [curve, geometry, spectra] = names(&pass);
+    args.out.check_names(&[
+        format!("{curve}.ecsv"),
+        format!("{geometry}.ecsv"),
+        format!("{spectra}.fits"),
+    ])?;
     let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
-    let shown = show(&pass, &args.pass.display().to_string(), args.polarisation, &lasers, console)?;
+    clean_up_on_signals()?;
+    let name = args.pass.display().to_string();
+    let shown = show(&pass, &name, args, &lasers, console)?;
     if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
         bail!(
             "{}: there is no light to draw in any sample (see the warnings); write a table instead",
             args.pass.display()
         );
     }
-    args.out.finish(&shown.product, &shown.text, console)
+    args.out.finish_made(&shown.product, shown.made, &shown.text, console)
 }
 
 /// Reads a scene file and what it names; the station is the one that is asked for, else the file's, else the usual one.
@@ -109,28 +127,63 @@ pub(crate) fn read(
 
 /// A pass, simulated and ready to be written.
 struct Shown {
-    /// Tables, figures and summary.
+    /// Figures and summary.
     pub product: Product,
+    /// Tables.
+    pub made: Made,
     /// The summary as text.
     pub text: String,
     /// Whether any sample has light.
     pub has_light: bool,
 }
 
-/// Simulates a pass, with the returns of some lasers, and says on stderr what a person should hear of; `name` is that of its file.
+/// Epochs of a piece, where nobody asks for another number.
+fn piece(pass: &Pass, asked: Option<NonZeroUsize>, lasers: &[&Laser]) -> NonZeroUsize {
+    let usual = || NonZeroUsize::new((PIECE_BINS / pass.bins().max(1)).clamp(16, PIECE_EPOCHS));
+    // What comes back of pulses is told of all epochs together.
+    let epochs = if lasers.is_empty() { asked.or_else(usual) } else { None };
+    epochs.or_else(|| NonZeroUsize::new(pass.times.len())).unwrap_or(NonZeroUsize::MIN)
+}
+
+/// Simulates a pass, with the returns of some lasers, writes its tables as they are made, and says on stderr what a person should hear of; `name` is that of its file.
 fn show(
     pass: &Pass,
     name: &str,
-    polarised: bool,
+    args: &SimulateArgs,
     lasers: &[&Laser],
     console: Console,
 ) -> anyhow::Result<Shown> {
+    let polarised = args.polarisation;
     let clock = Clock::new(pass.times.len(), console);
-    let simulation =
-        pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
+    let epochs = piece(pass, args.piece_epochs, lasers);
+    if !lasers.is_empty() {
+        active::warn_of_memory(pass, lasers, console);
+    }
+    let mut gathered = Gathered::new(pass);
+    let mut files = Files::new(pass, &args.out, lasers.is_empty())?;
+    let mut returned = None;
+    let extras = Extras { material: true, polarisation: polarised };
+    let bounds = pass.simulate_in_pieces_with(
+        epochs,
+        extras,
+        &|progress| clock.tell(progress),
+        |piece| -> Result<(), Stopped> {
+            gathered.add(piece);
+            files.push(pass, piece).map_err(Stopped::Files)?;
+            if !lasers.is_empty() {
+                returned = Some(active::of(piece.simulation, lasers).map_err(Stopped::Files)?);
+            }
+            Ok(())
+        },
+    );
+    let bounds = bounds.map_err(|stopped| match stopped {
+        Stopped::Pass(error) => anyhow::Error::from(error).context(name.to_owned()),
+        Stopped::Files(error) => error,
+    })?;
     let cost = clock.cost();
+    let totals = &gathered.totals;
     let mut warnings = pass.warnings.clone();
-    warnings.extend(simulation.concerns());
+    warnings.extend(totals.concerns());
     warnings.extend(pass.concerns_of_times());
     for warning in &warnings {
         console.warn(warning);
@@ -138,24 +191,125 @@ fn show(
     for (part, note) in &pass.station.notes {
         console.detail(&format!("{}, {part}: {note}", pass.station.name));
     }
-    console.detail(&simulation.places[0].orientation.to_string());
+    if let Some(orientation) = &totals.orientation {
+        console.detail(&orientation.to_string());
+    }
     for material in &pass.target.materials {
         console.detail(&format!("material {}", material.describe()));
     }
-    let material = simulation.material_doubt(&|_| {}).with_context(|| name.to_owned())?;
-    let polarisation = match polarised {
-        true => Some(simulation.polarisation(&|_| {}).with_context(|| name.to_owned())?),
-        false => None,
-    };
-    let warnings = &warnings;
     let report =
-        SimulationReport { simulation: &simulation, material, polarisation, cost, warnings };
-    let (product, text) = (report.product()?, report.text());
-    let mut shown = Shown { product, text, has_light: simulation.has_light() };
-    if !lasers.is_empty() {
-        active::add(&mut shown, &simulation, lasers, console)?;
+        SimulationReport { gathered: &gathered, polarised, bounds, cost, warnings: &warnings };
+    let (product, text) = (report.product(), report.text());
+    let mut shown = Shown { product, made: files.made()?, text, has_light: totals.has_light };
+    if let Some(returned) = returned {
+        active::add(&mut shown, returned, console);
     }
     Ok(shown)
+}
+
+/// Why a simulation ended early.
+enum Stopped {
+    Pass(PassError),
+    Files(anyhow::Error),
+}
+
+impl From<PassError> for Stopped {
+    fn from(error: PassError) -> Self {
+        Self::Pass(error)
+    }
+}
+
+/// Tables of a pass in the files that want them, written piece by piece.
+struct Files<'a> {
+    out: &'a OutputArgs,
+    made: Made,
+    rates: Vec<(Target, Format)>,
+    geometry: Vec<(Target, Format)>,
+    spectra: Vec<(Target, Format)>,
+    begun: Option<Begun>,
+}
+
+struct Begun {
+    rates: Vec<TableRows<MadeFile>>,
+    geometry: Vec<TableRows<MadeFile>>,
+    spectra: Vec<(String, SpectralFile<MadeFile>)>,
+}
+
+impl<'a> Files<'a> {
+    /// `alone`: whether a file that is named itself gets the light curve, or the spectra.
+    fn new(pass: &Pass, out: &'a OutputArgs, alone: bool) -> anyhow::Result<Self> {
+        let [rates, geometry, spectra] = names(pass);
+        let of = |forms: &'static [Format]| if alone { forms } else { &[] };
+        Ok(Self {
+            out,
+            made: Made::default(),
+            rates: out.streams(&rates, Format::Ecsv, of(&[Format::Ecsv, Format::Csv]))?,
+            geometry: out.streams(&geometry, Format::Ecsv, &[])?,
+            spectra: out.streams(&spectra, Format::Fits, of(&[Format::Fits]))?,
+            begun: None,
+        })
+    }
+
+    fn begin(&mut self, pass: &Pass, piece: &Piece<'_>) -> anyhow::Result<Begun> {
+        let (out, made) = (self.out, &mut self.made);
+        let mut tables = |wanted: &[(Target, Format)]| {
+            let begin = |(target, format): &(Target, Format)| {
+                Ok(TableRows::new(out.begin(target, made)?, *format))
+            };
+            wanted.iter().map(begin).collect::<anyhow::Result<Vec<_>>>()
+        };
+        let (rates, geometry) = (tables(&self.rates)?, tables(&self.geometry)?);
+        let mut spectra = Vec::new();
+        for (target, _) in &self.spectra {
+            let file = self.out.begin(target, &mut self.made)?;
+            let place = file.place();
+            let curve = sunglint_report::simulate::spectra(piece);
+            let file = SpectralFile::begin(&curve, &pass.times, file)
+                .with_context(|| format!("cannot write {place}"))?;
+            spectra.push((place, file));
+        }
+        Ok(Begun { rates, geometry, spectra })
+    }
+
+    fn push(&mut self, pass: &Pass, piece: &Piece<'_>) -> anyhow::Result<()> {
+        let mut begun = match self.begun.take() {
+            Some(begun) => begun,
+            None => self.begin(pass, piece)?,
+        };
+        let all = |files: &mut [TableRows<MadeFile>], table: Table| {
+            files.iter_mut().try_for_each(|file| {
+                let written = file.push(&table);
+                written.with_context(|| format!("cannot write {}", file.get_ref().place()))
+            })
+        };
+        if !begun.rates.is_empty() {
+            all(&mut begun.rates, sunglint_report::simulate::rates(piece)?)?;
+        }
+        if !begun.geometry.is_empty() {
+            all(&mut begun.geometry, sunglint_report::simulate::geometry(piece))?;
+        }
+        if !begun.spectra.is_empty() {
+            let curve = sunglint_report::simulate::spectra(piece);
+            for (place, file) in &mut begun.spectra {
+                file.push(&curve).with_context(|| format!("cannot write {place}"))?;
+            }
+        }
+        self.begun = Some(begun);
+        Ok(())
+    }
+
+    /// The files, with all that belongs into them.
+    fn made(mut self) -> anyhow::Result<Made> {
+        if let Some(begun) = self.begun.take() {
+            let tables = begun.rates.into_iter().chain(begun.geometry);
+            tables.for_each(|file| self.made.add(file.into_inner()));
+            for (place, file) in begun.spectra {
+                let file = file.finish().with_context(|| format!("cannot write {place}"))?;
+                self.made.add(file);
+            }
+        }
+        Ok(self.made)
+    }
 }
 
 fn is_picture(path: &std::path::Path) -> bool {

@@ -1,6 +1,6 @@
 //! `sunglint solve`: a frame's place on the sky by the pattern of its stars.
 
-use crate::detect::{SearchArgs, files_of};
+use crate::detect::{ReadingArgs, SearchArgs, files_of};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::{Context as _, bail};
@@ -33,6 +33,9 @@ pub struct SolveArgs {
     /// Write the coordinates into the frames' own headers; what was there of coordinates is replaced, the pixels stay as they are
     #[arg(long)]
     pub write: bool,
+    /// How files are read.
+    #[command(flatten)]
+    pub reading: ReadingArgs,
     /// How sources are found.
     #[command(flatten)]
     pub search: SearchArgs,
@@ -60,11 +63,11 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
     let mut frames = Vec::new();
     progress.begin("frames", Some(files.len() as u64));
     for path in &files {
-        let frame = ImageFrame::read_whenever(path)?;
+        let frame = ImageFrame::read_as(path, &args.reading.whenever())?;
         let mut options = args.search.options();
         options.saturation_adu = frame.header.saturation_adu;
         options.gain_e_per_adu = frame.header.gain_e_per_adu;
-        options.is_mosaic = frame.header.bayer.is_some();
+        options.bayer = frame.header.bayer;
         let middle = match &frame.header.time {
             Some(time) => time.middle,
             None => Epoch::now().context("the computer's clock cannot be read")?,

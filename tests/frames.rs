@@ -395,3 +395,50 @@ fn campaign_star_frames() {
     campaign.largest("largest_distance_arcsec", away);
     campaign.finish();
 }
+
+/// Folders of which nothing can be measured, and a file of two images (synthetic). Truth: what was written into them: the reason of the first file, the kinds of the frames, the image that is asked for.
+#[test]
+fn a_folder_of_nothing_says_why() {
+    let folder = Folder::new("nothing");
+    let write_to = |name: &str, images: &[(&str, Vec<usize>, u16)]| {
+        let path = folder.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let mut writer = Writer::new();
+        for (extension, shape, value) in images {
+            let mut header = Header::default();
+            header.set("DATE-OBS", "2026-03-04T20:00:00.250", "");
+            header.set("EXPTIME", 2.0, "");
+            if !extension.is_empty() {
+                header.set("EXTNAME", *extension, "");
+            }
+            let pixels = ndarray::ArrayD::from_elem(ndarray::IxDyn(shape), *value);
+            writer.image(&Image { header, pixels: Pixels::U16(pixels) }).unwrap();
+        }
+        writer.write_file(path, Overwrite::Refuse).unwrap();
+    };
+    write_to("cubes/a.fits", &[("", vec![5, 30, 40], 7)]);
+    let cube = folder.refused(1, &["reduce", "cubes"]);
+    for words in ["1 cannot be read", "cubes/a.fits", "a cube of 5 planes", "frames-of-others.md"] {
+        assert!(cube.contains(words), "{cube}");
+    }
+    write_to("flats/flat_1.fits", &[("", vec![30, 40], 7)]);
+    write_to("flats/flat_2.fits", &[("", vec![30, 40], 7)]);
+    write_to("flats/bias_1.fits", &[("", vec![30, 40], 7)]);
+    let flats = folder.refused(1, &["reduce", "flats"]);
+    assert!(flats.contains("1 bias, 2 flat"), "{flats}");
+    write_to(
+        "two.fits",
+        &[("MASK", vec![30, 40], 0), ("CHIP1", vec![30, 40], 100), ("CHIP2", vec![20, 50], 200)],
+    );
+    let size = |more: &[&str]| {
+        let arguments = [&["detect", "two.fits", "--json"][..], more].concat();
+        let frame = folder.json(&arguments)["frames"][0].clone();
+        (frame["size_px"].clone(), frame["notes"].to_string())
+    };
+    let (usual, notes) = size(&[]);
+    assert_eq!(usual, serde_json::json!([40, 30]));
+    assert!(notes.contains("image 2 of 3") && notes.contains("CHIP2"), "{notes}");
+    assert_eq!(size(&["--extension", "chip2"]).0, serde_json::json!([50, 20]));
+    let missing = folder.refused(1, &["detect", "two.fits", "--extension", "CHIP3"]);
+    assert!(missing.contains("CHIP3") && missing.contains("CHIP1"), "{missing}");
+}

@@ -116,7 +116,8 @@ fn hard_curves_get_an_answer_or_a_reason() {
     }
 }
 
-/// What another program's table says is shown and written again. Truth: the numbers of the table; a Julian date of 2459275.5 is 2021-03-02T00:00 (Meeus, table 7.A: 2451545.0 is 2000-01-01T12:00).
+/// The contents of another program's table are shown and written again.
+/// Truth: the numbers of the table; a Julian date of 2459275.5 is 2021-03-02T00:00 (Meeus, table 7.A: 2451545.0 is 2000-01-01T12:00).
 #[test]
 fn a_foreign_table_is_imported() {
     let folder = Folder::new("import");

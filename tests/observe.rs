@@ -292,6 +292,10 @@ fn a_full_disk_is_said_and_spoils_nothing() {
         new_frames.len()
     );
     assert!(new_frames.iter().all(|frame| old_frames.contains(frame)));
+    // The summary has both numbers.
+    let summary = String::from_utf8_lossy(&output.stdout);
+    let both = format!("cam 60, of which {} are on the disk", new_frames.len());
+    assert!(summary.contains(&both), "{both}: {summary}");
     // The bins come first: not one is missing.
     assert_eq!(new_bins, old_bins);
 }

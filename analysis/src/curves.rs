@@ -11,8 +11,17 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::light_curve::published::{
     CurveFile, Label, MagnitudeOptions, PublishedError,
 };
-use sunglint_radiometry::light_curve::{Input, LightCurve};
+use sunglint_radiometry::light_curve::{ChannelCurve, Input, LightCurve};
 use sunglint_radiometry::station::Station;
+
+/// A gap that parts the passes of a near body, s: turns over it are counted by nobody.
+pub(crate) const GAP_S: f64 = 3600.0;
+/// Bodies beyond it are seen from all of a night's directions alike: neither an orbit's turn nor a pass is in their light, m.
+const FAR_M: f64 = 1e9;
+/// Longest pass over a station of a body in a low orbit, s. Where no range is known, curves that last no longer are taken for passes.
+const PASS_S: f64 = 1800.0;
+/// Fewer samples are no pass but a look at a far body, as surveys take them.
+const PASS_SAMPLES: usize = 30;
 
 /// Why curves cannot be taken together.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +66,75 @@ pub struct NamedCurve {
     pub is_above_air: bool,
     /// Session and filter of each sample, where the file says them.
     pub labels: Option<Vec<Label>>,
+    /// Whether the file's format is one of bodies far beyond the Moon.
+    pub is_far: bool,
+    /// Whether the file says the exposures.
+    pub is_exposure_known: bool,
+}
+
+impl NamedCurve {
+    /// The filters of the samples where there are several, in the order of their names; each has a light curve of its own.
+    pub fn filters(&self) -> Vec<&str> {
+        let mut all: Vec<&str> = self.labels.iter().flatten().map(|l| l.filter.as_str()).collect();
+        all.sort_unstable();
+        all.dedup();
+        if all.len() > 1 { all } else { Vec::new() }
+    }
+
+    /// The samples of one filter.
+    fn of_filter(&self, filter: &str) -> LightCurve {
+        let mut curve = self.curve.clone();
+        let keep: Vec<bool> = self.labels.iter().flatten().map(|l| l.filter == filter).collect();
+        curve.retain(&keep);
+        curve
+    }
+
+    /// Takes out the samples that are the same as one before: time, rates and flags. Returns their number.
+    fn drop_doubled(&mut self) -> usize {
+        let (n, curve) = (self.curve.len(), &self.curve);
+        let time = &curve.samples.time;
+        let same = |a: usize, b: usize| {
+            let of_channel = |c: &ChannelCurve| {
+                c.rate_hz[a].to_bits() == c.rate_hz[b].to_bits() && c.flags[a] == c.flags[b]
+            };
+            curve.channels.iter().all(of_channel)
+        };
+        let is_whole = |c: &ChannelCurve| c.rate_hz.len() == n && c.flags.len() == n;
+        if !curve.channels.iter().all(is_whole) {
+            return 0;
+        }
+        let mut keep = vec![true; n];
+        for i in 1..n {
+            let before = (0..i).rev().take_while(|k| time[*k] == time[i]);
+            keep[i] = !before.take(PASS_SAMPLES).any(|k| same(k, i));
+        }
+        let lost = keep.iter().filter(|k| !**k).count();
+        if lost > 0 {
+            self.curve.retain(&keep);
+        }
+        lost
+    }
+}
+
+/// A name for a filter, which may have none.
+fn named(filter: &str) -> &str {
+    if filter.is_empty() { "no filter" } else { filter }
+}
+
+/// The slow change of a channel's light with phase angle: what its rates are to be divided by. Filters have a change of their own.
+fn phase_factor(named: &NamedCurve, c: usize) -> Result<Vec<f64>, TrendError> {
+    let filters = named.filters();
+    if filters.is_empty() {
+        return Ok(trend::phase_trend(&named.curve, &named.curve.channels[c])?.factor);
+    }
+    let mut all = vec![1.0; named.curve.len()];
+    for filter in filters {
+        let own = named.of_filter(filter);
+        let found = trend::phase_trend(&own, &own.channels[c])?;
+        let places = named.labels.iter().flatten().enumerate().filter(|(_, l)| l.filter == filter);
+        places.zip(found.factor).for_each(|((i, _), f)| all[i] = f);
+    }
+    Ok(all)
 }
 
 /// Curves of one or several files, whose times count from one moment.
@@ -143,21 +221,48 @@ fn air_of(
         .collect())
 }
 
-/// One curve of a file.
+/// One curve of a file, and what was left out of it.
 fn read_curve(
     path: &Path,
     magnitudes: &MagnitudeOptions,
-) -> Result<(NamedCurve, Input), CurvesError> {
+) -> Result<(NamedCurve, Input, Vec<String>), CurvesError> {
     let bytes = sunglint_formats::read::bytes(path)?;
     let sha256 = sunglint_formats::sha256(&bytes);
     let input = Input { file: path.display().to_string(), sha256 };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let (mut curve, is_above_air, labels) = match CurveFile::read(path, bytes, magnitudes)? {
-        CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false, None),
-        CurveFile::Magnitudes(b) => (b.light_curve(&stem), true, b.used_labels()),
+    let (named, notes) = match CurveFile::read(path, bytes, magnitudes)? {
+        CurveFile::Rates(table) => {
+            let mut curve = LightCurve::from_table(path, &table)?;
+            curve.sort();
+            let mut named = NamedCurve {
+                curve,
+                stem,
+                is_above_air: false,
+                labels: None,
+                is_far: false,
+                is_exposure_known: true,
+            };
+            let doubled = named.drop_doubled();
+            let note = format!(
+                "{doubled} samples stand there twice (time, light and flags are the same): each counts once"
+            );
+            (named, if doubled > 0 { vec![note] } else { Vec::new() })
+        }
+        // In the order of time already, and the labels with it.
+        CurveFile::Magnitudes(mut b) => {
+            let named = NamedCurve {
+                curve: b.light_curve(&stem),
+                stem,
+                is_above_air: true,
+                labels: b.used_labels(),
+                is_far: b.is_far,
+                is_exposure_known: b.is_exposure_known,
+            };
+            (named, std::mem::take(&mut b.notes))
+        }
     };
-    curve.sort();
-    Ok((NamedCurve { curve, stem, is_above_air, labels }, input))
+    let notes = notes.into_iter().map(|note| format!("{}: {note}", named.stem)).collect();
+    Ok((named, input, notes))
 }
 
 impl Curves {
@@ -171,26 +276,32 @@ impl Curves {
         channels: &[String],
     ) -> Result<Self, CurvesError> {
         let mut inputs = Vec::new();
-        let mut curves = Vec::new();
+        let (mut curves, mut warnings) = (Vec::new(), Vec::new());
         for path in paths {
-            let (curve, input) = read_curve(path, magnitudes)?;
+            let (curve, input, notes) = read_curve(path, magnitudes)?;
+            warnings.extend(notes);
             curves.push(curve);
             inputs.push(input);
         }
         let path = paths.first().ok_or(CurvesError::NoFile)?;
         let first = curves.iter().flat_map(|c| &c.curve.samples.time).min().copied();
         let zero = first.ok_or_else(|| CurvesError::Empty { path: path.clone() })?;
-        let names: Vec<&str> =
-            curves.iter().flat_map(|c| c.curve.channels.iter().map(|c| c.name.as_str())).collect();
+        let channels_of = |c: &'_ NamedCurve| -> Vec<String> {
+            match c.filters().as_slice() {
+                [] => c.curve.channels.iter().map(|c| c.name.clone()).collect(),
+                filters => filters.iter().map(|f| named(f).to_owned()).collect(),
+            }
+        };
+        let names: Vec<String> = curves.iter().flat_map(channels_of).collect();
         for wanted in channels {
-            if !names.contains(&wanted.as_str()) {
-                let nearest = nearest_names(wanted, names.iter().copied(), 3);
+            if !names.contains(wanted) {
+                let nearest = nearest_names(wanted, names.iter().map(String::as_str), 3);
                 let nearest = nearest.into_iter().map(str::to_owned).collect();
                 return Err(CurvesError::Channel { wanted: wanted.clone(), nearest });
             }
         }
         let channels = channels.to_vec();
-        Ok(Self { curves, inputs, zero, removed: Vec::new(), warnings: Vec::new(), channels })
+        Ok(Self { curves, inputs, zero, removed: Vec::new(), warnings, channels })
     }
 
     /// Whether any of them holds counted rates, from which the air can be removed.
@@ -201,17 +312,18 @@ impl Curves {
     /// Divides the rates by what the pass did to them. What was removed, and what could not be, is added to [`Curves::removed`] and [`Curves::warnings`].
     pub fn remove(&mut self, trends: &Trends<'_>) {
         let Self { curves, removed, warnings, .. } = self;
-        for NamedCurve { curve, stem, is_above_air, .. } in curves {
-            let range = trends.range.then(|| trend::range_factor(curve));
-            for c in 0..curve.channels.len() {
-                if let (Some((station, air)), false) = (trends.air, *is_above_air) {
-                    match air_of(curve, c, station, air) {
+        for own in curves {
+            let stem = own.stem.clone();
+            let range = trends.range.then(|| trend::range_factor(&own.curve));
+            for c in 0..own.curve.channels.len() {
+                if let (Some((station, air)), false) = (trends.air, own.is_above_air) {
+                    match air_of(&own.curve, c, station, air) {
                         Ok(factor) => {
-                            trend::divide(&mut curve.channels[c], &factor);
+                            trend::divide(&mut own.curve.channels[c], &factor);
                             note(removed, format!("air ({})", air.describe()));
                         }
                         Err(error) => {
-                            let channel = &curve.channels[c].name;
+                            let channel = &own.curve.channels[c].name;
                             let why = with_causes(&error);
                             note(
                                 warnings,
@@ -222,7 +334,7 @@ impl Curves {
                 }
                 match &range {
                     Some(Ok(factor)) => {
-                        trend::divide(&mut curve.channels[c], factor);
+                        trend::divide(&mut own.curve.channels[c], factor);
                         note(removed, "range (to 1,000 km)".into());
                     }
                     Some(Err(error)) => {
@@ -231,9 +343,9 @@ impl Curves {
                     None => {}
                 }
                 if trends.phase {
-                    match trend::phase_trend(curve, &curve.channels[c]) {
-                        Ok(found) => {
-                            trend::divide(&mut curve.channels[c], &found.factor);
+                    match phase_factor(own, c) {
+                        Ok(factor) => {
+                            trend::divide(&mut own.curve.channels[c], &factor);
                             note(removed, "phase trend".into());
                         }
                         Err(error) => note(
@@ -259,16 +371,66 @@ impl Curves {
     /// Those of one file.
     fn series_of(&self, file: usize) -> Result<Vec<Series>, SeriesError> {
         let curve = &self.curves[file];
-        let channels = curve.curve.channels.iter().filter(|c| self.asks_for(&c.name));
-        channels
-            .map(|channel| {
-                let name = match self.curves.len() {
-                    1 => channel.name.clone(),
-                    _ => format!("{} {}", curve.stem, channel.name),
-                };
-                Series::of_channel(name, &curve.curve, channel, self.zero)
-            })
-            .collect()
+        let called = |name: &str| match self.curves.len() {
+            1 => name.to_owned(),
+            _ => format!("{} {name}", curve.stem),
+        };
+        let series = |name: &str, of: &LightCurve, channel: &ChannelCurve| {
+            let mut series = Series::of_channel(called(name), of, channel, self.zero)?;
+            if !curve.is_exposure_known {
+                series.exposure_s = 0.0;
+            }
+            Ok(series)
+        };
+        let filters = curve.filters();
+        if filters.is_empty() {
+            let channels = curve.curve.channels.iter().filter(|c| self.asks_for(&c.name));
+            return channels.map(|c| series(&c.name, &curve.curve, c)).collect();
+        }
+        let mut all = Vec::new();
+        for filter in filters.into_iter().filter(|f| self.asks_for(named(f))) {
+            let own = curve.of_filter(filter);
+            for channel in &own.channels {
+                all.push(series(named(filter), &own, channel)?);
+            }
+        }
+        Ok(all)
+    }
+
+    /// First moment, last moment and samples of the stretches of a file without a gap above `gap_s`, s.
+    fn stretches(&self, file: usize, gap_s: f64) -> Vec<(f64, f64, usize)> {
+        let times = self.curves[file].curve.samples.time.iter();
+        let mut times: Vec<f64> = times.map(|t| (*t - self.zero).to_seconds()).collect();
+        times.sort_by(f64::total_cmp);
+        let mut all: Vec<(f64, f64, usize)> = Vec::new();
+        for t in times {
+            match all.last_mut() {
+                Some((_, to, n)) if t - *to <= gap_s => (*to, *n) = (t, *n + 1),
+                _ => all.push((t, t, 1)),
+            }
+        }
+        all
+    }
+
+    /// Whether the body is near, so that every pass sees it from other directions and its turns do not add up: rates (which this program counts of satellites), ranges below a million kilometres, or, where no
+    /// file says a range, several stretches that last minutes.
+    pub fn is_near(&self) -> bool {
+        if self.curves.iter().any(|c| c.is_far) {
+            return false;
+        }
+        let ranges = || self.curves.iter().filter_map(|c| c.curve.samples.range_m.as_ref());
+        if self.curves.iter().any(|c| !c.is_above_air) || ranges().flatten().any(|r| *r < FAR_M) {
+            return true;
+        }
+        if ranges().next().is_some() {
+            return false;
+        }
+        let all: Vec<_> = (0..self.curves.len()).flat_map(|k| self.stretches(k, GAP_S)).collect();
+        let samples =
+            |least: usize| -> usize { all.iter().filter(|s| s.2 >= least).map(|s| s.2).sum() };
+        all.len() > 1
+            && all.iter().all(|(from, to, _)| to - from <= PASS_S)
+            && 2 * samples(PASS_SAMPLES) >= samples(0)
     }
 
     /// The same, parted where no channel of a file has a sample for longer than `gap_s`, and how many tracks a file has at most. Each track is a series of its own: turns in the gaps are not counted.
@@ -278,13 +440,10 @@ impl Curves {
     pub fn tracks(&self, gap_s: f64) -> Result<(Vec<Series>, usize), SeriesError> {
         let mut all = Vec::new();
         let mut most = 1;
-        for (k, curve) in self.curves.iter().enumerate() {
-            let mut times: Vec<f64> =
-                curve.curve.samples.time.iter().map(|t| (*t - self.zero).to_seconds()).collect();
-            times.sort_by(f64::total_cmp);
-            let gaps = times.windows(2).filter(|t| t[1] - t[0] > gap_s);
+        for k in 0..self.curves.len() {
+            let stretches = self.stretches(k, gap_s);
             let mut edges = vec![f64::NEG_INFINITY];
-            edges.extend(gaps.map(|t| 0.5 * (t[0] + t[1])));
+            edges.extend(stretches.windows(2).map(|s| 0.5 * (s[0].1 + s[1].0)));
             edges.push(f64::INFINITY);
             let tracks = edges.len() - 1;
             most = most.max(tracks);

@@ -52,6 +52,8 @@ pub struct LeftOut {
     pub not_finite: usize,
     /// Taken at the same moment as another one: not left out, only counted.
     pub same_time: usize,
+    /// Stands alone far from its neighbours, and is not seen again at the same phase.
+    pub alone: usize,
 }
 
 /// The part of the light's variation that no model explains.
@@ -124,7 +126,7 @@ impl Series {
             weight,
             exposure_s: 0.0,
             is_weighted,
-            left_out: LeftOut { flagged: 0, not_finite, same_time },
+            left_out: LeftOut { not_finite, same_time, ..LeftOut::default() },
             name,
         })
     }
@@ -179,6 +181,49 @@ impl Series {
             weight: self.weight[first..end].iter().map(|w| w / mean).collect(),
             time_s,
             left_out: LeftOut { same_time, ..LeftOut::default() },
+            ..*self
+        }
+    }
+
+    /// The samples for which `keep` is true, with weights of a mean of 1 again.
+    pub fn kept(&self, keep: &[bool]) -> Self {
+        let pick = |from: &[f64]| -> Vec<f64> {
+            from.iter().zip(keep).filter(|(_, k)| **k).map(|(v, _)| *v).collect()
+        };
+        let (time_s, weight) = (pick(&self.time_s), pick(&self.weight));
+        let mean = weight.iter().sum::<f64>() / weight.len().max(1) as f64;
+        Self {
+            name: self.name.clone(),
+            value: pick(&self.value),
+            weight: weight.iter().map(|w| w / mean).collect(),
+            time_s,
+            ..*self
+        }
+    }
+
+    /// The means of neighbouring samples within `width_s`, which then counts as the exposure.
+    pub fn binned(&self, width_s: f64) -> Self {
+        let (mut time_s, mut value, mut weight) = (Vec::new(), Vec::new(), Vec::new());
+        let mut i = 0;
+        while i < self.len() {
+            let (from, first) = (self.time_s[i], i);
+            while i < self.len() && self.time_s[i] - from < width_s {
+                i += 1;
+            }
+            let own = first..i;
+            let total: f64 = self.weight[own.clone()].iter().sum();
+            let sum: f64 = own.clone().map(|k| self.weight[k] * self.value[k]).sum();
+            time_s.push(self.time_s[own.clone()].iter().sum::<f64>() / own.len() as f64);
+            value.push(sum / total);
+            weight.push(total);
+        }
+        let mean = weight.iter().sum::<f64>() / weight.len().max(1) as f64;
+        Self {
+            name: self.name.clone(),
+            time_s,
+            value,
+            weight: weight.iter().map(|w| w / mean).collect(),
+            exposure_s: self.exposure_s.max(width_s),
             ..*self
         }
     }

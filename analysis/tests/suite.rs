@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod flashes;
+mod foreign;
 mod map;
 mod passing;
 mod periodograms;

@@ -211,3 +211,98 @@ fn campaign_streaks() {
     let false_most = most(0.01, f64::from(frames));
     assert!(f64::from(false_frames) <= false_most, "{false_frames} of {frames} with a false one");
 }
+
+/// A normal variate's frame of what was drawn, in whole counts.
+fn noisy(light: &Array2<f64>, noise: f64, rng: &mut Xoshiro256PlusPlus) -> Array2<f32> {
+    let normal = Normal::new(0.0, noise).unwrap();
+    light.mapv(|v| (v + normal.sample(rng)).round().clamp(0.0, 65_535.0) as f32)
+}
+
+/// A colour camera's frames (synthetic): red sees half and blue 0.4 of the light and of the sky that green sees, on 1,000 ADU of bias. Truth: the line and the stars that were drawn, in green light, to
+/// 5 and 8 % (between green pixels a point looks narrower than it is, so that its aperture is small); the scatter of the line's light over ten frames is what is stated (of 10, a factor of 2). Searched as a monochrome camera's, the streak is lost or its light is an eighth of it.
+#[test]
+fn colour_cameras_are_measured_in_green() {
+    use sunglint_calibration::photometry::field::looks_like_mosaic;
+    use sunglint_formats::frame::Bayer;
+    let mut pulls: Vec<f64> = Vec::new();
+    for seed in 0..10 {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(0xBA7E + seed);
+        let mut light = Array2::from_elem((400, 400), 300.0);
+        let stars: Vec<[f64; 2]> =
+            (0..8).map(|i| [40.0 + 45.0 * f64::from(i), 300.0 + 7.3 * f64::from(i)]).collect();
+        for star in &stars {
+            add_point(&mut light, *star, 20_000.0, 1.6);
+        }
+        let ends = [[60.0, 80.3 + seed as f64], [84.0, 94.3 + seed as f64]];
+        add_line(&mut light, ends, 40_000.0, 1.6);
+        for ((row, column), value) in light.indexed_iter_mut() {
+            *value = 1000.0 + *value * [[0.5, 1.0], [1.0, 0.4]][row % 2][column % 2];
+        }
+        let pixels = noisy(&light, 17.0, &mut rng);
+        let mut options = FieldOptions::default();
+        options.bayer = Some(Bayer::Rggb);
+        let field = find(pixels.view(), &options).unwrap();
+        assert_eq!(field.streaks.len(), 1, "{:?}", field.streaks);
+        let streak = field.streaks[0];
+        assert!((streak.length_px - 24_f64.hypot(14.0)).abs() < 1.5, "{streak:?}");
+        assert!((streak.flux_adu / 40_000.0 - 1.0).abs() < 0.05, "{streak:?}");
+        pulls.push((streak.flux_adu - 40_000.0) / streak.sigma_adu);
+        for star in &stars {
+            let away = |p: &[f64; 2]| (p[0] - star[0]).hypot(p[1] - star[1]);
+            let near = field.points.iter().find(|p| away(&p.place_px) < 0.5).unwrap();
+            assert!((near.flux_adu / 20_000.0 - 1.0).abs() < 0.08, "{near:?}");
+        }
+        assert!(field.remarks.iter().any(|r| r.contains("green pixels")), "{:?}", field.remarks);
+        options.bayer = None;
+        let blind = find(pixels.view(), &options).unwrap();
+        assert!(blind.remarks.iter().any(|r| r.contains("--bayer")), "{:?}", blind.remarks);
+        // A monochrome camera, one with offsets of its columns, and a mosaic with a dark sky.
+        let plain = noisy(&Array2::from_elem((128, 128), 1300.0), 17.0, &mut rng);
+        assert_eq!(looks_like_mosaic(plain.view()), None);
+        let columns = Array2::from_shape_fn((128, 128), |(_, x)| 1300.0 + 40.0 * (x % 2) as f64);
+        assert_eq!(looks_like_mosaic(noisy(&columns, 17.0, &mut rng).view()), None);
+    }
+    let n = pulls.len() as f64;
+    let mean = pulls.iter().sum::<f64>() / n;
+    let scatter = (pulls.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    assert!((0.5..2.0).contains(&scatter), "{scatter}: {pulls:?}");
+}
+
+/// Frames clipped at 1,500 ADU by a program (synthetic). Truth: a source is saturated if the drawn light of one of its pixels, noise aside, is beyond that.
+#[test]
+fn clipped_pixels_are_saturation() {
+    use sunglint_calibration::photometry::field::plateau;
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(0xC119);
+    let mut light = Array2::from_elem((300, 300), 1000.0);
+    let stars: Vec<([f64; 2], f64)> = (0..10)
+        .map(|i| {
+            ([25.0 + 27.0 * f64::from(i), 60.0 + 11.0 * f64::from(i % 3)], 2000.0 * 1.5_f64.powi(i))
+        })
+        .collect();
+    for (place, flux) in &stars {
+        add_point(&mut light, *place, *flux, 1.6);
+    }
+    add_line(&mut light, [[60.0, 200.0], [110.0, 220.0]], 150_000.0, 1.6);
+    add_line(&mut light, [[160.0, 200.0], [210.0, 220.0]], 30_000.0, 1.6);
+    let whole = noisy(&light, 8.0, &mut rng);
+    assert_eq!(plateau(whole.view()), None);
+    assert!(find(whole.view(), &FieldOptions::default()).unwrap().remarks.is_empty());
+    let clipped = whole.mapv(|v| v.min(1500.0));
+    let found = plateau(clipped.view()).unwrap();
+    assert_eq!(found.adu, 1500.0);
+    assert_eq!(found.pixels, clipped.iter().filter(|v| **v == 1500.0).count());
+    let field = find(clipped.view(), &FieldOptions::default()).unwrap();
+    assert!(field.remarks[0].contains("1500 ADU"), "{:?}", field.remarks);
+    assert_eq!(field.streaks.len(), 2, "{:?}", field.streaks);
+    for streak in &field.streaks {
+        assert_eq!(streak.is_saturated, streak.ends_px[0][0] < 130.0, "{streak:?}");
+    }
+    for (place, flux) in &stars {
+        let away = |p: &[f64; 2]| (p[0] - place[0]).hypot(p[1] - place[1]);
+        let point = field.points.iter().find(|p| away(&p.place_px) < 1.5).unwrap();
+        let summit = 1000.0 + flux / (std::f64::consts::TAU * 1.6 * 1.6);
+        if (summit - 1500.0).abs() > 60.0 {
+            assert_eq!(point.is_saturated, summit > 1500.0, "{summit} {point:?}");
+        }
+    }
+}

@@ -8,6 +8,7 @@
 mod confirmed;
 mod error;
 mod focuser;
+mod host_time;
 mod mount;
 mod scale;
 mod sink;
@@ -19,6 +20,8 @@ pub(crate) use focuser::check_steps;
 pub(crate) use scale::Scale;
 
 pub use focuser::Focuser;
+pub(crate) use host_time::HostTime;
+pub use host_time::{CLOCKS_S, HOST_DIFFERENCE};
 pub use mount::{
     Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountClock, MountKnown, MountMotion,
     MountPlace, MountRates, MountReading, MountSite, MountTime, PierSide, Spot,
@@ -223,6 +226,49 @@ pub struct Window {
     pub binning: [u32; 2],
 }
 
+/// Purpose of a frame; a driver closes the shutter, if there is one, for a dark or a bias frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FrameType {
+    /// The sky.
+    #[default]
+    Light,
+    /// The least exposure in the dark.
+    Bias,
+    /// In the dark.
+    Dark,
+    /// A lit screen.
+    Flat,
+}
+
+impl FrameType {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Light, Self::Bias, Self::Dark, Self::Flat];
+    /// The setting of cameras that take it, with what it takes: an entry of [`Device::own_settings`].
+    pub const SETTING: (&'static str, &'static str) = ("frame_type", "light, bias, dark or flat");
+
+    /// `light`, `bias`, `dark` or `flat`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Bias => "bias",
+            Self::Dark => "dark",
+            Self::Flat => "flat",
+        }
+    }
+
+    /// The value of the setting `name`, for [`Device::set_own`].
+    pub(crate) fn of_setting(name: &str, value: &str) -> Result<Self, DeviceError> {
+        if name != Self::SETTING.0 {
+            let (asked, known) = (name.to_owned(), Self::SETTING.0.to_owned());
+            return Err(DeviceError::Unknown { name: "setting", asked, known });
+        }
+        Self::ALL.into_iter().find(|kind| kind.word() == value).ok_or_else(|| {
+            let known = Self::ALL.map(Self::word).join(", ");
+            DeviceError::Unknown { name: Self::SETTING.0, asked: value.to_owned(), known }
+        })
+    }
+}
+
 /// Ranges of a camera's settings, as its driver says them.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
@@ -416,6 +462,24 @@ pub trait FilterWheel: Device {
     /// # Errors
     /// See [`DeviceError`].
     fn slot(&mut self, deadline: &Deadline) -> Result<u32, DeviceError>;
+
+    /// The slots in which it has stood since the last look, the present one last; `None` while it turns or turned. Somebody else may turn it: what it said of
+    /// that by itself is among them, in order.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn look(&mut self, deadline: &Deadline) -> Result<Vec<Option<u32>>, DeviceError> {
+        Ok(vec![Some(self.slot(deadline)?)])
+    }
+
+    /// What it has said by itself since the last look, as in [`look`](Self::look); nothing is asked. Empty for a wheel that says nothing by itself.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn heard(&mut self, deadline: &Deadline) -> Result<Vec<Option<u32>>, DeviceError> {
+        let _ = deadline;
+        Ok(Vec::new())
+    }
 
     /// Turns slot `slot` into the beam and gives the slot that is there then.
     ///

@@ -48,7 +48,8 @@ mod stream;
 mod wheel;
 pub mod xml;
 
-pub use camera::{Camera, CameraSettings, FrameType};
+pub use crate::device::FrameType;
+pub use camera::{Camera, CameraSettings};
 pub use client::{Blobs, Client, Wanted};
 pub use focuser::Focuser;
 pub use mount::{Mount, MountSettings};

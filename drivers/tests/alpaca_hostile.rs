@@ -8,9 +8,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use sunglint_drivers::alpaca::{Camera, Focuser, Mount, MountSettings, SessionSettings};
+use sunglint_drivers::clock::utc_now;
 use sunglint_drivers::device::{
-    Camera as _, DeviceError, Focuser as _, Mount as _, MountAxes, MountClock, MountMotion,
-    MountPlace, MountRates, Window,
+    Camera as _, Device as _, DeviceError, Focuser as _, Mount as _, MountAxes, MountClock,
+    MountMotion, MountPlace, MountRates, Window,
 };
 use sunglint_drivers::transport::TransportError;
 
@@ -439,6 +440,37 @@ fn frames_that_are_not_the_one_asked_for_are_refused() {
     assert_eq!(frame.pixels.rows().into_iter().next().unwrap().to_vec(), [1, 4, 7, 10]);
     let window = Window { origin_px: [0, 0], size_px: [5, 3], binning: [1, 1] };
     assert!(camera.set_window(window, &within(5.0)).is_err());
+}
+
+/// Truth: ASCOM's `StartExposure(Duration, Light)`: no light in dark and bias frames alone. And a camera computer whose clock is years off: the frame has the host's time, and says how far the
+/// other one was.
+#[test]
+fn a_camera_is_told_what_a_frame_is_for() {
+    let server = Scripted::start(Arc::new(|request, _, stream| match request {
+        "GET camera/0/lastexposurestarttime" => value(stream, r#""2020-01-01T00:00:00.125""#),
+        "GET camera/0/imagearray" => body(
+            stream,
+            r#"{"Type":2,"Rank":2,"Value":[[1,2,3],[4,5,6],[7,8,9],[10,11,12]],"ErrorNumber":0,"ServerTransactionID":4}"#,
+        ),
+        request => camera(request, stream),
+    }));
+    let settings = SessionSettings::default();
+    let mut camera =
+        Camera::open(connect(server.port), &place(server.port), settings, &within(10.0)).unwrap();
+    let kinds = [("light", true), ("dark", false), ("bias", false), ("flat", true)];
+    for (kind, light) in kinds {
+        camera.set_own("frame_type", kind, &within(5.0)).unwrap();
+        let before = utc_now();
+        let frame = camera.expose(0.01, &within(10.0)).unwrap();
+        assert!(before <= frame.start && frame.start <= utc_now(), "{}", frame.start);
+        assert!(frame.header.real("HOSTDIFF").unwrap() < -1e8);
+        assert_eq!(frame.header.text("DATE-SRV"), Some("2020-01-01T00:00:00.125"));
+        let asked = server.requests().into_iter().rfind(|r| r.contains("startexposure")).unwrap();
+        assert!(asked.contains(&format!("Light={light}")), "{kind}: {asked}");
+    }
+    assert!(camera.set_own("frame_type", "sky", &within(5.0)).is_err());
+    let own: Vec<&str> = camera.own_settings().iter().map(|(name, _)| *name).collect();
+    assert_eq!(own, ["frame_type"]);
 }
 
 /// Truth: a focuser that says that it stands where it was not sent, and a server that closes after each answer: every request makes a new connection, none is lost.

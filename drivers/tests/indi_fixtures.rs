@@ -20,6 +20,7 @@ use sunglint_drivers::transport::Bytes;
 use sunglint_formats::Frame;
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::time::format_utc;
+use sunglint_formats::time::parse_utc;
 use sunglint_testkit::{fixture, peer_python, run_python};
 
 /// How a session went, in words that a clock does not change.
@@ -43,7 +44,9 @@ impl Host {
     }
 
     fn camera<T: Bytes>(&mut self, line: T, packed: bool) -> Camera<T> {
-        let settings = CameraSettings { packed, ..CameraSettings::default() };
+        // The host's time of the recording: its server's is kept.
+        let utc = || parse_utc("2026-11-21T19:01:47Z").unwrap();
+        let settings = CameraSettings { packed, utc, ..CameraSettings::default() };
         open_camera(line, CAMERA, settings, &self.within(20)).unwrap()
     }
 }

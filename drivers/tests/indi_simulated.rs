@@ -1,10 +1,12 @@
 //! The INDI client on our own simulated server (synthetic): what frames hold, to the pixel, and how a server fails.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
+use hifitime::Epoch;
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
+use sunglint_drivers::catalogue::Address;
+use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock, utc_now};
 use sunglint_drivers::device::{
     Camera as _, Device as _, DeviceError, FilterWheel as _, RotationStage as _, Window,
 };
@@ -14,8 +16,8 @@ use sunglint_drivers::indi::{
 use sunglint_drivers::simulated::indi::{
     CameraSpec, OneColour, Packing, Ramp, Scene, Server, ServerSettings, Simulated, Trouble, serve,
 };
+use sunglint_drivers::transport::tcp::Tcp;
 use sunglint_drivers::transport::{Bytes, TransportError};
-use sunglint_formats::time::parse_utc;
 use sunglint_formats::{Bayer, Frame};
 
 const CAMERA: &str = "Simulated Camera";
@@ -24,11 +26,13 @@ const WHEEL: &str = "Simulated Wheel";
 
 struct Desk {
     clock: Arc<VirtualClock>,
+    /// UTC of the server at the clock's zero: the host's, as its virtual time is short.
+    epoch: Epoch,
 }
 
 impl Desk {
     fn new() -> Self {
-        Self { clock: Arc::new(VirtualClock::new()) }
+        Self { clock: Arc::new(VirtualClock::new()), epoch: utc_now() }
     }
 
     fn within(&self, seconds: f64) -> Deadline {
@@ -41,7 +45,8 @@ impl Desk {
         scene: impl Scene + 'static,
         trouble: Trouble,
     ) -> Camera<Simulated> {
-        let settings = ServerSettings { camera: Some(spec), ..ServerSettings::default() };
+        let epoch = self.epoch;
+        let settings = ServerSettings { camera: Some(spec), epoch, ..ServerSettings::default() };
         let mut server = Server::new(settings, scene);
         server.trouble = trouble;
         open_camera(Simulated::new(server), CAMERA, CameraSettings::default(), &self.within(10.0))
@@ -96,7 +101,7 @@ fn the_pattern_of_a_frame_is_that_of_its_pixels() {
     }
 }
 
-/// Truth: the scene's own formula; the server's clock, which began 2026-01-01; what was set.
+/// Truth: the scene's own formula; the server's clock, which began with the test; what was set.
 #[test]
 fn a_frame_is_the_right_part_of_the_right_exposure() {
     let desk = Desk::new();
@@ -119,8 +124,7 @@ fn a_frame_is_the_right_part_of_the_right_exposure() {
             let y = part.origin_px[1] + row as u32 * part.binning[1];
             assert_eq!(pixel, Ramp::adu(x, y, exposure_s), "at {column}, {row}");
         }
-        let zero = parse_utc("2026-01-01T00:00:00").unwrap();
-        let start_s = (frame.start - zero).to_seconds();
+        let start_s = (frame.start - desk.epoch).to_seconds();
         // DATE-OBS is cut to the millisecond; before it the camera looks for 2 ms whether another program's frame came.
         let late_s = start_s - asked.as_secs_f64();
         assert!((-0.001..=0.003).contains(&late_s), "{start_s}, {asked:?}");
@@ -225,36 +229,133 @@ fn a_cancelled_exposure_is_aborted_in_the_camera() {
     assert_eq!(frame.pixels[[0, 0]], Ramp::adu(0, 0, 0.5));
 }
 
+/// A line on which another client of the same server says something: after a request of ours that names `after`, or, where that is empty, before the next
+/// answer is read.
+struct Meddling {
+    line: Simulated,
+    after: &'static str,
+    says: Arc<Mutex<Option<String>>>,
+}
+
+impl Meddling {
+    fn new(server: Server, after: &'static str) -> (Self, Arc<Mutex<Option<String>>>) {
+        let says = Arc::new(Mutex::new(None));
+        (Self { line: Simulated::new(server), after, says: says.clone() }, says)
+    }
+
+    fn meddle(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        match self.says.lock().unwrap().take() {
+            Some(text) => self.line.send(text.as_bytes(), deadline),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Bytes for Meddling {
+    fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
+        self.line.send(bytes, deadline)?;
+        match !self.after.is_empty() && String::from_utf8_lossy(bytes).contains(self.after) {
+            true => self.meddle(deadline),
+            false => Ok(()),
+        }
+    }
+    fn receive(&mut self, buffer: &mut [u8], d: &Deadline) -> Result<usize, TransportError> {
+        if self.after.is_empty() {
+            self.meddle(d)?;
+        }
+        self.line.receive(buffer, d)
+    }
+    fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
+        self.line.discard(deadline)
+    }
+}
+
+/// What a client says to set a number.
+fn set_number(device: &str, name: &str, member: &str, value: f64) -> Option<String> {
+    Some(format!(
+        "<newNumberVector device=\"{device}\" name=\"{name}\"><oneNumber name=\"{member}\">{value}</oneNumber></newNumberVector>"
+    ))
+}
+
+/// A camera's computer whose clock is wrong. Truth: the host's own clock: by 12 s the frame's time is the host's, between request and frame, and the header has both; by 2 s the server's
+/// own is kept, which knows better when it began.
+#[test]
+fn the_time_of_a_server_whose_clock_is_wrong_is_not_taken() {
+    for (ahead_s, kept) in [(12.0, false), (-3600.0, false), (2.0, true)] {
+        let mut desk = Desk::new();
+        desk.epoch += hifitime::Duration::from_seconds(ahead_s);
+        let mut camera = desk.camera(CameraSpec::default(), Ramp, Trouble::default());
+        let before = utc_now();
+        let frame = camera.expose(0.25, &desk.within(5.0)).unwrap();
+        let after = utc_now();
+        let off_s = (frame.start - before).to_seconds();
+        assert_eq!(before <= frame.start && frame.start <= after, !kept, "{ahead_s}: {off_s}");
+        let said = frame.header.real("HOSTDIFF").unwrap();
+        assert!((said - ahead_s).abs() < 2.0, "{ahead_s}: {said}");
+        let cards = ["DATE-SRV", "TIMRDER"].map(|key| frame.header.get(key).is_some());
+        assert_eq!(cards, [!kept; 2], "{ahead_s}");
+        if kept {
+            assert!((off_s - ahead_s).abs() < 2.0, "{off_s}");
+        } else {
+            let sigma_s = frame.header.real("TIMRDER").unwrap();
+            assert!(sigma_s > 0.0 && sigma_s <= (after - before).to_seconds().max(1e-3));
+        }
+    }
+}
+
+/// Another client that asks for the same exposure a moment after us. Truth: what it was told to do: the frame that came then may be its own and says so; those before and after are ours alone.
+#[test]
+fn another_client_that_wants_the_same_exposure_is_noticed() {
+    let desk = Desk::new();
+    let server =
+        Server::new(ServerSettings { epoch: desk.epoch, ..ServerSettings::default() }, Ramp);
+    let (line, says) = Meddling::new(server, "CCD_EXPOSURE_VALUE");
+    let mut camera =
+        open_camera(line, CAMERA, CameraSettings::default(), &desk.within(10.0)).unwrap();
+    let mut shared = |meddles: bool| {
+        if meddles {
+            *says.lock().unwrap() = set_number(CAMERA, "CCD_EXPOSURE", "CCD_EXPOSURE_VALUE", 0.5);
+        }
+        let frame = camera.expose(0.5, &desk.within(5.0)).unwrap();
+        frame.header.get("SHARED").is_some()
+    };
+    assert_eq!([false, true, false].map(&mut shared), [false, true, false]);
+}
+
+/// Another client that turns the wheel. Truth: what it was told to do: the wheel turned, then slot 3 stood in the beam; each is given once, without a question.
+#[test]
+fn a_wheel_that_another_client_turns_says_so() {
+    let desk = Desk::new();
+    let (line, says) = Meddling::new(Server::new(ServerSettings::default(), Ramp), "");
+    let mut wheel =
+        open_wheel(line, WHEEL, SessionSettings::default(), &desk.within(10.0)).unwrap();
+    assert_eq!(wheel.look(&desk.within(1.0)).unwrap(), [Some(1)]);
+    assert_eq!(wheel.heard(&desk.within(1.0)).unwrap(), []);
+    let turn =
+        || *says.lock().unwrap() = set_number(WHEEL, "FILTER_SLOT", "FILTER_SLOT_VALUE", 3.0);
+    turn();
+    let mut heard = wheel.heard(&desk.within(1.0)).unwrap();
+    desk.clock.sleep(Duration::from_secs(1));
+    heard.extend(wheel.heard(&desk.within(1.0)).unwrap());
+    assert_eq!(heard, [None, Some(3)]);
+    assert_eq!(wheel.look(&desk.within(1.0)).unwrap(), [Some(3)]);
+    // While it turns a look is no failure.
+    *says.lock().unwrap() = set_number(WHEEL, "FILTER_SLOT", "FILTER_SLOT_VALUE", 2.0);
+    assert_eq!(wheel.look(&desk.within(1.0)).unwrap().last(), Some(&None));
+    desk.clock.sleep(Duration::from_secs(1));
+    assert_eq!(wheel.look(&desk.within(1.0)).unwrap(), [Some(2), Some(2)]);
+}
+
 /// Another client of the same server, in the middle of our exposure. Truth: what it was told to do; a frame of the same size
 /// at another origin must not be taken for ours.
 #[test]
 fn a_window_that_another_client_moves() {
-    struct Meddling {
-        line: Simulated,
-        armed: bool,
-    }
-    impl Bytes for Meddling {
-        fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
-            self.line.send(bytes, deadline)?;
-            if self.armed && String::from_utf8_lossy(bytes).contains("CCD_EXPOSURE_VALUE") {
-                self.armed = false;
-                let moved = "<newNumberVector device=\"Simulated Camera\" name=\"CCD_FRAME\"><oneNumber name=\"X\">4</oneNumber></newNumberVector>";
-                self.line.send(moved.as_bytes(), deadline)?;
-            }
-            Ok(())
-        }
-        fn receive(&mut self, buffer: &mut [u8], d: &Deadline) -> Result<usize, TransportError> {
-            self.line.receive(buffer, d)
-        }
-        fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
-            self.line.discard(deadline)
-        }
-    }
     let desk = Desk::new();
-    let line = Simulated::new(Server::new(ServerSettings::default(), Ramp));
-    let line = Meddling { line, armed: true };
+    let server = Server::new(ServerSettings::default(), Ramp);
+    let (line, says) = Meddling::new(server, "CCD_EXPOSURE_VALUE");
     let mut camera =
         open_camera(line, CAMERA, CameraSettings::default(), &desk.within(10.0)).unwrap();
+    *says.lock().unwrap() = set_number(CAMERA, "CCD_FRAME", "X", 4.0);
     camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
     let error = camera.expose(0.5, &desk.within(5.0)).unwrap_err().to_string();
     assert!(error.contains("another program has changed its window"), "{error}");
@@ -337,6 +438,32 @@ fn rotator_and_wheel_and_how_they_fail() {
     let begun = desk.clock.now();
     let stuck = wheel.select(2, &desk.within(10.0)).unwrap_err();
     assert_eq!((desk.clock.now() - begun, stuck.done), (Duration::from_secs(10), None));
+}
+
+/// A device whose name is misspelt. Truth: the server's own devices, which it tells only on another connection.
+#[test]
+fn a_server_without_the_device_is_asked_what_it_has() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut line = Tcp::from_stream(stream.unwrap()).unwrap();
+            let server = Server::new(ServerSettings::default(), Ramp);
+            std::thread::spawn(move || {
+                // The client's going away is the usual end.
+                let _ = serve(server, &mut line, &crate::common::within(60.0));
+            });
+        }
+    });
+    let mut address = Address::parse(&format!("indi-camera:{place}/Simulated Camra"), &[]).unwrap();
+    let deadline = crate::common::within(10.0);
+    let line = address.connect(&deadline).unwrap();
+    let error = address.open(line, &deadline).err().unwrap();
+    assert!(error.is_not_served() && error.is_permanent_setting());
+    let text = error.to_string();
+    for name in ["Simulated Camra", "Simulated Camera", "Simulated Rotator", "Simulated Wheel"] {
+        assert!(text.contains(name), "{name}: {text}");
+    }
 }
 
 /// The same server through a real socket: the client connects, the server dies in an exposure, comes back, and the client goes

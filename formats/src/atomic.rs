@@ -2,8 +2,9 @@
 
 use crate::error::FileError;
 use std::fs::File;
-use std::io::Write as _;
-use std::path::Path;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
 /// Whether a file that is there already may be replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,37 +26,112 @@ pub fn write_file(
     bytes: &[u8],
     overwrite: Overwrite,
 ) -> Result<(), FileError> {
-    let path = path.as_ref();
-    let io = |source| FileError::io("write", path, source);
-    // Before the work, for a quick answer; the move below closes the race.
-    if overwrite == Overwrite::Refuse && path.symlink_metadata().is_ok() {
-        return Err(FileError::Exists { path: path.to_path_buf() });
+    let mut part = Part::begin(path.as_ref(), overwrite)?;
+    part.write_all(bytes).map_err(|source| FileError::io("write", path.as_ref(), source))?;
+    part.finish()
+}
+
+/// A file in the making, for what is written piece by piece: a temporary file of the same folder, which [`Part::finish`] moves into place. Nothing is left of it where it is dropped before.
+///
+/// ```
+/// use std::io::Write as _;
+/// use sunglint_formats::atomic::{Overwrite, Part};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("long.csv");
+/// let mut part = Part::begin(&path, Overwrite::Refuse)?;
+/// part.write_all(b"a,b\n")?;
+/// part.write_all(b"1,2\n")?;
+/// assert!(!path.exists());
+/// part.finish()?;
+/// assert_eq!(std::fs::read(&path)?, b"a,b\n1,2\n");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Part {
+    file: NamedTempFile,
+    path: PathBuf,
+    overwrite: Overwrite,
+}
+
+impl Part {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// The errors of [`write_file`].
+    pub fn begin(path: impl Into<PathBuf>, overwrite: Overwrite) -> Result<Self, FileError> {
+        let path = path.into();
+        // Before the work, for a quick answer; the move at the end closes the race.
+        if overwrite == Overwrite::Refuse && path.symlink_metadata().is_ok() {
+            return Err(FileError::Exists { path });
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".sunglint-").suffix(".part");
+        // Made as any new file, so that the umask decides who reads it, and with the system's own words where that fails: what `tempfile` makes by itself is
+        // private, and its errors name a file that the user never gave.
+        let make = |part: &Path| File::options().write(true).create_new(true).open(part);
+        let made = builder.make_in(folder_of(&path), make);
+        let file = made.map_err(|source| FileError::io("write", &path, source))?;
+        Ok(Self { file, path, overwrite })
     }
-    let folder = match path.parent() {
+
+    /// The file that is being made.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The temporary file, for whoever has to remove it when the program is told to end.
+    pub fn part_path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Flushes the file to the disk and moves it into place.
+    ///
+    /// # Errors
+    /// The errors of [`write_file`].
+    pub fn finish(self) -> Result<(), FileError> {
+        let Self { file, path, overwrite } = self;
+        let io = |source| FileError::io("write", &path, source);
+        file.as_file().sync_all().map_err(io)?;
+        match overwrite {
+            Overwrite::Allow => file.persist(&path).map_err(|e| io(e.error))?,
+            Overwrite::Refuse => {
+                file.persist_noclobber(&path).map_err(|e| match e.error.kind() {
+                    std::io::ErrorKind::AlreadyExists => FileError::Exists { path: path.clone() },
+                    _ => io(e.error),
+                })?
+            }
+        };
+        // The name itself is only safe once the folder is on the disk; some file systems cannot do that.
+        #[cfg(unix)]
+        if let Ok(folder) = File::open(folder_of(&path)) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
+}
+
+impl Write for Part {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.as_file_mut().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.as_file_mut().flush()
+    }
+}
+
+impl Seek for Part {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.as_file_mut().seek(to)
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".sunglint-").suffix(".part");
-    // Made as any new file, so that the umask decides who reads it, and with the system's own words where that fails: what `tempfile` makes by itself is
-    // private, and its errors name a file that the user never gave.
-    let make = |part: &Path| File::options().write(true).create_new(true).open(part);
-    let mut file = builder.make_in(folder, make).map_err(io)?;
-    file.write_all(bytes).map_err(io)?;
-    file.as_file().sync_all().map_err(io)?;
-    match overwrite {
-        Overwrite::Allow => file.persist(path).map_err(|e| io(e.error))?,
-        Overwrite::Refuse => file.persist_noclobber(path).map_err(|e| match e.error.kind() {
-            std::io::ErrorKind::AlreadyExists => FileError::Exists { path: path.to_path_buf() },
-            _ => io(e.error),
-        })?,
-    };
-    // The name itself is only safe once the folder is on the disk; some file systems cannot do that.
-    #[cfg(unix)]
-    if let Ok(folder) = File::open(folder) {
-        let _ = folder.sync_all();
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -82,6 +158,16 @@ mod tests {
         write_file(&path, b"two", Overwrite::Allow).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"two");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_file_that_was_not_finished() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut part = Part::begin(folder.path().join("night.fits"), Overwrite::Refuse).unwrap();
+        part.write_all(b"half").unwrap();
+        assert!(part.part_path().exists());
+        drop(part);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

@@ -162,6 +162,13 @@ impl Frame {
         sum as f64 / self.pixels.len().max(1) as f64
     }
 
+    /// Returns the median of the pixels, ADU, the upper one of two; `None` without pixels.
+    pub fn median_adu(&self) -> Option<f64> {
+        let mut pixels: Vec<u16> = self.pixels.iter().copied().collect();
+        let middle = pixels.len() / 2;
+        (middle < pixels.len()).then(|| f64::from(*pixels.select_nth_unstable(middle).1))
+    }
+
     /// Returns the largest pixel, ADU; 0 without pixels.
     pub fn most_adu(&self) -> u16 {
         self.pixels.iter().copied().max().unwrap_or(0)

@@ -93,9 +93,57 @@ impl std::error::Error for UtcError {}
 /// # Errors
 /// [`UtcError`] says what stands there and what should.
 pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
+    parsed(text, text.strip_suffix(['Z', 'z']).unwrap_or(text), 0)
+}
+
+/// The instant of a text as other programs write it: [`parse_utc`]'s forms, with an offset from UTC such as `+02:00`, `-0500` or `+00`, and with strokes in a date that
+/// begins with the year (`2024/03/05`). Also whether the text says itself that it is UTC: an offset, or a `Z`.
+///
+/// # Errors
+/// [`UtcError`] says what stands there and what should.
+///
+/// ```
+/// use sunglint_formats::time::{format_utc, parse_zoned};
+///
+/// let (time, is_zoned) = parse_zoned("2024/03/05 20:00:00.5+02:00")?;
+/// assert_eq!((format_utc(time, 1).as_str(), is_zoned), ("2024-03-05T18:00:00.5Z", true));
+/// assert!(!parse_zoned("2024-03-05T18:00:00")?.1);
+/// # Ok::<(), sunglint_formats::time::UtcError>(())
+/// ```
+pub fn parse_zoned(text: &str) -> Result<(Epoch, bool), UtcError> {
+    let text = text.trim();
+    let body = text.strip_suffix(['Z', 'z']).unwrap_or(text);
+    let mut is_zoned = body.len() < text.len();
+    let body = if body.as_bytes().get(4) == Some(&b'/') {
+        body.replacen('/', "-", 2)
+    } else {
+        body.to_owned()
+    };
+    let clock_at = body.find(['T', 't', ' ']).unwrap_or(body.len());
+    let sign_at = body[clock_at..].rfind(['+', '-']).map(|at| clock_at + at);
+    let Some(at) = sign_at.filter(|_| !is_zoned) else {
+        return parsed(text, &body, 0).map(|time| (time, is_zoned));
+    };
+    is_zoned = true;
+    let sign = if body.as_bytes()[at] == b'-' { -1 } else { 1 };
+    let digits = &body[at + 1..];
+    let parts = match digits.len() {
+        2 => numbers(digits, ':', [2]).map(|[h]| [h, 0]),
+        4 if digits.is_ascii() => {
+            Some([number(&digits[..2]), number(&digits[2..])]).and_then(|[h, m]| Some([h?, m?]))
+        }
+        _ => numbers(digits, ':', [2, 2]),
+    };
+    let Some([hours, minutes]) = parts.filter(|[h, m]| *h <= 15 && *m < 60) else {
+        return Err(UtcError { found: crate::error::excerpt(text), expected: FORM, hint: None });
+    };
+    parsed(text, body[..at].trim_end(), sign * (hours * 60 + minutes)).map(|time| (time, is_zoned))
+}
+
+/// The instant of a date and a time of day so many minutes ahead of UTC; `text` is what errors show.
+fn parsed(text: &str, body: &str, ahead_min: i64) -> Result<Epoch, UtcError> {
     let bad = |expected, hint| UtcError { found: crate::error::excerpt(text), expected, hint };
     let form = || bad(FORM, None);
-    let body = text.strip_suffix(['Z', 'z']).unwrap_or(text);
     let (date, time) = match body.split_once(['T', 't', ' ']) {
         Some((date, time)) => (date, Some(time)),
         None => (body, None),
@@ -117,8 +165,10 @@ pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
     if !(1..=12).contains(&month) || !(1..=days_in_month(year, month)).contains(&day) {
         return Err(bad("a day of the calendar", None));
     }
-    let mjd = mjd_of(year, month, day);
-    let leap = hour == 23 && minute == 59 && ends_with_leap_second(mjd);
+    // The minute of UTC: a leap second is at the end of a day of UTC, whatever the clock's offset.
+    let minutes = mjd_of(year, month, day) * 1440 + hour * 60 + minute - ahead_min;
+    let (mjd, minute_of_day) = (minutes.div_euclid(1440), minutes.rem_euclid(1440));
+    let leap = minute_of_day == 1439 && ends_with_leap_second(mjd);
     if second == 60 && !leap && hour < 24 && minute < 60 {
         return Err(bad(
             "a second from 0 to 59",
@@ -128,7 +178,10 @@ pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
     if hour > 23 || minute > 59 || second > 60 {
         return Err(bad("a time of day from 00:00:00 to 23:59:59", None));
     }
-    let seconds = (mjd - MJD_1900) * SECONDS_A_DAY + hour * 3600 + minute * 60 + second;
+    if !(TAI_MINUS_UTC[0].0..=MJD_2100_LAST).contains(&mjd) {
+        return Err(bad("a year from 1972 to 2100", None));
+    }
+    let seconds = (mjd - MJD_1900) * SECONDS_A_DAY + minute_of_day * 60 + second;
     let tai = i128::from(seconds + tai_minus_utc(mjd)) * NANOSECONDS + i128::from(nanoseconds);
     Ok(Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai)))
 }
@@ -363,6 +416,36 @@ mod tests {
         assert_eq!(format_utc(before, 1), "2016-12-31T23:59:59.5Z");
         assert_eq!(format_utc(within, 1), "2016-12-31T23:59:60.5Z");
         assert_eq!(format_utc(after, 1), "2017-01-01T00:00:00.5Z");
+    }
+
+    /// Truth: by hand; the leap second of 2016 fell at 01:59:60 of the next day in a clock two hours ahead.
+    #[test]
+    fn offsets_are_taken_off() {
+        let zoned = |text: &str| parse_zoned(text).map(|(time, is)| (format_utc(time, 1), is));
+        for (text, utc, is_zoned) in [
+            ("2024-03-05T20:00:00.5+02:00", "2024-03-05T18:00:00.5Z", true),
+            ("2024-03-05T20:00:00+0200", "2024-03-05T18:00:00.0Z", true),
+            ("2024-03-05 12:30:00-05:30", "2024-03-05T18:00:00.0Z", true),
+            ("2024-01-01T00:30:00+01", "2023-12-31T23:30:00.0Z", true),
+            ("2017-01-01T01:59:60.5+02:00", "2016-12-31T23:59:60.5Z", true),
+            ("2024/03/05T18:00:00Z", "2024-03-05T18:00:00.0Z", true),
+            ("2024/03/05 18:00:00", "2024-03-05T18:00:00.0Z", false),
+            ("2024-03-05", "2024-03-05T00:00:00.0Z", false),
+        ] {
+            assert_eq!(zoned(text).unwrap(), (utc.to_owned(), is_zoned), "{text}");
+        }
+        for text in [
+            "2016-12-31T23:59:60+02:00",
+            "2024-03-05T20:00:00+99:00",
+            "2024-03-05T20:00:00+2",
+            "05/03/2024",
+            "2024-03-05T20:00:00+02:00Z",
+            "1972-01-01T00:30:00+01:00",
+            "+",
+            "ä+é",
+        ] {
+            assert!(parse_zoned(text).is_err(), "{text}");
+        }
     }
 
     #[test]

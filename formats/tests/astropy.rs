@@ -638,6 +638,13 @@ for kind in ['RICE_1', 'GZIP_1', 'GZIP_2']:
     for form in ['f4', 'f8']:
         for method in [-1, 1, 2]:
             keep(f'{kind}{form}{method}', f.astype(form), compression_type=kind, quantize_level=4, quantize_method=method, dither_seed=9999)
+pixels = np.clip(whole, 0, 32000).astype('i2'); pixels[7] = 0; pixels[8, ::2] = 0; pixels[9] = np.arange(53) * 5; pixels[10, 3] = 20000
+for tile in [None, (7, 11)]:
+    options = {} if tile is None else {'tile_shape': tile}
+    keep(f'plio{tile is None}', pixels, pixels, compression_type='PLIO_1', **options)
+    for form in ['u1', 'i2', 'u2', 'i4']:
+        a = np.clip(whole, 0, 250 if form == 'u1' else 32000).astype(form)
+        keep(f'plain{form}{tile is None}', a, a, compression_type='NOCOMPRESS', **options)
 for kind in ['GZIP_1', 'GZIP_2']:
     keep(f'{kind}whole', f, f, compression_type=kind, quantize_level=0)
 keep('cube', np.arange(3*20*30, dtype='i2').reshape(3, 20, 30), compression_type='RICE_1', tile_shape=(2, 8, 8))
@@ -647,7 +654,7 @@ except Exception as e: raise
 names.remove('hcompress')
 import astropy.io.fits.hdu.compressed.tests as t
 data = os.path.join(os.path.dirname(t.__file__), 'data')
-for n in ['m13_rice', 'm13_gzip']:
+for n in ['m13_rice', 'm13_gzip', 'm13_plio']:
     if os.path.exists(f'{data}/{n}.fits'):
         os.symlink(f'{data}/{n}.fits', f'{folder}/{n}_packed.fits'); os.symlink(f'{data}/m13.fits', f'{folder}/{n}_plain.fits'); names.append(n)
 print(' '.join(names))

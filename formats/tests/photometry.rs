@@ -109,7 +109,7 @@ fn tdm_in_xml_says_the_same() {
         ("<MAG>12.1", "<MAG>bright", "a.xml:32"),
         ("UTC</TIME", "MET</TIME", "TIME_SYSTEM `MET`"),
         ("</tdm>", "", "well-formed"),
-        ("?>\n", "?>\n<!DOCTYPE tdm [<!ENTITY a \"aa\">]>\n", "without a DTD"),
+        ("?>\n", "?>\n<!DOCTYPE tdm [<!ENTITY a \"aa\">]>\n", "definitions of a DTD"),
     ] {
         let error = read_str("a.xml", &TDM_XML.replacen(from, to, 1), Format::TdmXml).unwrap_err();
         assert!(error.to_string().contains(words), "{to}: {error}");
@@ -449,7 +449,7 @@ fn words_between_blanks_and_names_in_comments() {
         ("2459275.25 5.5\n2459276.5 6.25\n", "a.txt:1: found `2459275.25 5.5`, expected names"),
         ("# jd mag err\n2459275.25 5.5\n", "expected names"),
         ("1,2\n3,4\n", "expected names"),
-        ("date mag\n2021-03-01 19:02:11 5.5\n", "a.txt:2: found 3 words, expected 2"),
+        ("date mag\n2021-03-01 19:02:11 5.5 7\n", "a.txt:2: found 4 words, expected 2"),
         ("mag mag\n1 2\n", "`mag` twice"),
         ("<?xml version=\"1.0\"?>\n<VODML/>\n", "XML of another kind"),
     ] {
@@ -478,4 +478,195 @@ fn votable_columns_refer_to_their_time_system() {
     assert!(read.notes.iter().any(|n| n.contains("BARYCENTER")), "{:?}", read.notes);
     assert_eq!(format_utc(times("TAI").unwrap().unwrap().time[0], 3), "2010-01-02T11:59:26.000Z");
     assert!(times("TCB").unwrap_err().to_string().contains("`TCB`"));
+}
+
+/// Tables as people have them (synthetic). Truth: 2024-03-05T18:00:00 UTC and two seconds later, 7.25 and 7.5 mag: JD 2460375.25 and MJD 60374.75 (Meeus, algorithm of chapter 7), Unix time
+/// 1709661600 (date -u -d 2024-03-05T18:00Z +%s).
+mod made_by_others {
+    use super::*;
+    use sunglint_formats::photometry::{Import, TimeFormat, import};
+
+    fn read_as(bytes: &[u8], names: &ColumnNames) -> Result<Import, String> {
+        import("t.txt", bytes.to_vec(), names).map_err(|error| error.to_string())
+    }
+
+    fn names(change: impl Fn(&mut ColumnNames)) -> ColumnNames {
+        let mut names = ColumnNames::default();
+        change(&mut names);
+        names
+    }
+
+    fn read(text: &str) -> Result<Import, String> {
+        read_as(text.as_bytes(), &ColumnNames::default())
+    }
+
+    fn holds(found: &Import, digits: usize) {
+        let times: Vec<String> = found.samples.time.iter().map(|t| format_utc(*t, 9)).collect();
+        let truth = ["2024-03-05T18:00:00.000000000Z", "2024-03-05T18:00:02.000000000Z"];
+        let near = |text: &str, truth: &str| {
+            let apart = sunglint_formats::time::parse_utc(text).unwrap()
+                - sunglint_formats::time::parse_utc(truth).unwrap();
+            apart.to_seconds().abs() < 10f64.powi(-(digits as i32))
+        };
+        assert!(times.iter().zip(truth).all(|(t, truth)| near(t, truth)), "{times:?}");
+        assert_eq!(times.len(), 2);
+        assert_eq!(found.samples.magnitude, [7.25, 7.5]);
+    }
+
+    #[test]
+    fn separators_and_forms_of_times() {
+        let utc = names(|n| n.scale = Some(Scale::Utc));
+        let none = ColumnNames::default();
+        let jd = 2_460_375.25;
+        let two = 2.0 / 86_400.0;
+        for (text, names, digits) in [
+            ("time_utc;magnitude\n2024-03-05T18:00:00;7,25\n2024-03-05T18:00:02,0;7,5\n".to_owned(), &none, 9),
+            ("time_utc\tmagnitude\n2024-03-05 18:00:00\t7,25\n2024-03-05 18:00:02\t7.5\n".to_owned(), &none, 9),
+            ("\"time_utc\",\"magnitude\",\"note\"\n\"2024-03-05T18:00:00\",\"7.25\",\"a, b\"\n2024-03-05T18:00:02,7.5,\"say \"\"c\"\"\"\n".to_owned(), &none, 9),
+            ("time,mag\n2024-03-05T20:00:00+02:00,7.25\n2024-03-05T18:00:02Z,7.5\n".to_owned(), &none, 9),
+            ("date,time,mag\n2024-03-05,18:00:00,7.25\n2024-03-05,18:00:02,7.5\n".to_owned(), &utc, 9),
+            ("# date time_utc mag\n2024-03-05 18:00:00 7.25\n2024-03-05 18:00:02 7.5\n".to_owned(), &none, 9),
+            ("time_utc mag\n2024-03-05 18:00:00 7.25\n2024-03-05 18:00:02 7.5\n".to_owned(), &none, 9),
+            (format!("obsjd,mag\n{jd},7.25\n{:.9},7.5\n", jd + two), &utc, 4),
+            (format!("HJD,UT Date,mag\n{jd},2024-03-05.75,7.25\n{:.9},2024-03-05.75,7.5\n", jd + two), &utc, 4),
+            ("unix_time,mag\n1709661600,7.25\n1709661602,7.5\n".to_owned(), &none, 6),
+            ("time,mag\n1709661600,7.25\n1709661602,7.5\n".to_owned(), &none, 6),
+        ] {
+            let found = read_as(text.as_bytes(), names).unwrap_or_else(|e| panic!("{text}: {e}"));
+            holds(&found, digits);
+        }
+        // Nothing says the scale, or what the numbers are.
+        assert!(read("obsjd,mag\n2460375.25,7.25\n").unwrap_err().contains("--time-scale"));
+        assert!(read("time,mag\n0.5,7.25\n").unwrap_err().contains("--time-format"));
+        assert!(read("t;mag;x\n1\n2\n3;4;5\n").unwrap_err().contains("as many as names"));
+        let relative = names(|n| {
+            n.time = Some("t_s".into());
+            n.format = Some(TimeFormat::Seconds);
+        });
+        let found = read_as(b"t_s,mag\n0.5,7.25\n2.5,7.5\n", &relative).unwrap();
+        let step = found.samples.time[1] - found.samples.time[0];
+        assert!((step.to_seconds() - 2.0).abs() < 1e-9);
+        assert!(found.samples.notes[0].contains("made up"), "{:?}", found.samples.notes);
+        let asked = names(|n| {
+            n.time = Some("when".into());
+            n.format = Some(TimeFormat::Mjd);
+            n.scale = Some(Scale::Gps);
+        });
+        // 18 s between GPS and UTC since 2017.
+        let gps = 60_374.75 + 18.0 / 86_400.0;
+        let text = format!("when,mag\n{gps:.12},7.25\n{:.12},7.5\n", gps + two);
+        holds(&read_as(text.as_bytes(), &asked).unwrap(), 4);
+    }
+
+    #[test]
+    fn encodings() {
+        let text =
+            "# Müller\ntime_utc,magnitude\n2024-03-05T18:00:00,7.25\n2024-03-05T18:00:02,7.5\n";
+        let none = ColumnNames::default();
+        let wide = |of: fn(u16) -> [u8; 2]| -> Vec<u8> {
+            let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+            units.flat_map(of).collect()
+        };
+        holds(&read_as(text.as_bytes(), &none).unwrap(), 9);
+        holds(&read_as(&wide(u16::to_le_bytes), &none).unwrap(), 9);
+        holds(&read_as(&wide(u16::to_be_bytes), &none).unwrap(), 9);
+        let latin: Vec<u8> = text.chars().map(|c| c as u32 as u8).collect();
+        let found = read_as(&latin, &none).unwrap();
+        holds(&found, 9);
+        assert!(found.samples.notes[0].contains("Latin-1"), "{:?}", found.samples.notes);
+        let mut broken = latin.clone();
+        broken.push(0);
+        assert!(read_as(&broken, &none).unwrap_err().contains("0xfc"));
+        assert!(read_as(&[0xff, 0xfe, 0x41], &none).unwrap_err().contains("UTF-16"));
+    }
+
+    /// Rows without a time are left out, values that are none are none, and all of it is told with its number and its first line; a file most of whose rows are unread is refused.
+    #[test]
+    fn what_cannot_be_read_is_told() {
+        let row = |i: usize, magnitude: &str| format!("2024-03-05T18:00:{i:02},{magnitude}\n");
+        let mut text = "time_utc,mag\n".to_owned();
+        for (i, magnitude) in
+            ["7.25", ">16.9", "--", "7.5", "", "bright", "7.5", "7.5", "7.5", "7.5"]
+                .into_iter()
+                .enumerate()
+        {
+            text += &row(i, magnitude);
+        }
+        text += ",7.5\n2024-03-05T18:00:30\n";
+        let found = read(&text).unwrap();
+        assert_eq!(found.samples.time.len(), 10);
+        assert_eq!(found.samples.magnitude.iter().filter(|m| m.is_finite()).count(), 6);
+        let notes = found.samples.notes.join("\n");
+        for words in [
+            "mag: 1 cells are limits, no values (the first in line 3: `>16.9`)",
+            "mag: 1 cells hold no value (the first in line 4: `--`)",
+            "mag: 1 cells are no numbers (the first in line 7: `bright`)",
+            "1 rows without a time are left out (the first in line 12)",
+            "1 rows are left out: they do not have 2 values, as many as names (the first in line 13: 1)",
+        ] {
+            assert!(notes.contains(words), "{words}: {notes}");
+        }
+        let error = read("time_utc,mag\n,1\n,2\n2024-03-05T18:00:00,3\n").unwrap_err();
+        assert!(error.contains("time_utc, row 1"), "{error}");
+        let error = read("time_utc,mag\n1\n2\n2024-03-05T18:00:00,3\n").unwrap_err();
+        assert!(error.starts_with("t.txt:2: found 1 fields"), "{error}");
+    }
+
+    /// A file in the layout of AAVSO's extended format, one of ATLAS's forced photometry, and one with another name of the uncertainty (synthetic). Truth: their documents: times of AAVSO are UT,
+    /// `dm` is the uncertainty of `m`, and `err` a flag.
+    #[test]
+    fn surveys_and_societies() {
+        let head = "#TYPE=EXTENDED\n#OBSCODE=ABC\n#SOFTWARE=x\n#DELIM=,\n#DATE=JD\n#OBSTYPE=CCD\n#NAME,DATE,MAG,MERR,FILT,TRANS,MTYPE,CNAME,CMAG,KNAME,KMAG,AMASS,GROUP,CHART,NOTES\n";
+        let aavso = format!(
+            "{head}SS CYG,2460375.25,7.25,0.03,V,NO,STD,105,10.593,110,11.09,1.561,NA,X1,na\n\
+             SS CYG,2460375.250023148,7.5,na,V,NO,STD,105,10.593,110,11.09,1.561,NA,X1,na\n\
+             SS CYG,2460375.250046296,<9.5,na,V,NO,STD,105,10.593,110,11.09,1.561,NA,X1,na\n\
+             SS CYG,2460375.250069444,7.5,0.03,V,NO,STD,105,10.593,110,11.09,1.561,NA,X1,na\n"
+        );
+        let found = read(&aavso).unwrap();
+        assert_eq!((found.format, found.samples.time.len()), ("AAVSO", 4));
+        assert_eq!(format_utc(found.samples.time[1], 3), "2024-03-05T18:00:02.000Z");
+        assert!(found.samples.magnitude[2].is_nan(), "a limit is no magnitude");
+        let sigma = found.samples.sigma_mag.unwrap();
+        assert!(sigma[0] == 0.03 && sigma[1].is_nan(), "{sigma:?}");
+        assert_eq!(found.samples.filter.unwrap()[0], "V");
+        let excel = aavso.replace("#DATE=JD", "#DATE=EXCEL");
+        assert!(read(&excel).unwrap_err().contains("DATE=EXCEL"));
+
+        let atlas = "###MJD          m      dm   uJy   duJy F err chi/N\n60374.75 7.25 0.03 100 55 o  0  1.2\n60374.750023148 7.5 0.04 100 55 o  0  1.2\n";
+        let utc = names(|n| n.scale = Some(Scale::Utc));
+        let found = read_as(atlas.as_bytes(), &utc).unwrap();
+        holds(&found, 4);
+        assert_eq!(found.samples.sigma_mag, Some(vec![0.03, 0.04]));
+        // A flag is no uncertainty, whatever stands beside it.
+        let flag = "time_utc,mag,err\n2024-03-05T18:00:00,7.25,0\n2024-03-05T18:00:02,7.5,1\n";
+        assert_eq!(read(flag).unwrap().samples.sigma_mag, None);
+        let other =
+            flag.replace("err", "mag_unc").replace(",1\n", ",0.03\n").replace(",0\n", ",0.02\n");
+        assert_eq!(read(&other).unwrap().samples.sigma_mag, Some(vec![0.02, 0.03]));
+        let asked = names(|n| n.sigma = Some("sd".into()));
+        assert!(read_as(flag.as_bytes(), &asked).unwrap_err().contains("a column `sd`"));
+    }
+
+    /// Truth: by hand; 18 s between the time of GPS and UTC in 2024, 13 s in 2005 (IERS).
+    #[test]
+    fn messages_in_other_scales() {
+        let utc = |system: &str| {
+            let text = TDM.replace("TIME_SYSTEM = UTC", &format!("TIME_SYSTEM = {system}"));
+            read_str("a.tdm", &text, Format::TdmKvn).map(|r| (format_utc(r.time[0], 3), r.notes))
+        };
+        assert_eq!(utc("GPS").unwrap().0, "2005-06-30T11:59:48.250Z");
+        let (time, notes) = utc("UT1").unwrap();
+        assert_eq!(time, "2005-06-30T12:00:01.250Z");
+        assert!(notes.iter().any(|n| n.contains("0.9 s")), "{notes:?}");
+        let typed = TDM_XML.replacen("?>\n", "?>\n<!DOCTYPE tdm SYSTEM \"a>b.dtd\">\n", 1);
+        let plain = read_str("a.xml", TDM_XML, Format::TdmXml).unwrap();
+        assert_eq!(recognise(&typed), Some(Format::TdmXml));
+        assert_eq!(read_str("a.xml", &typed, Format::TdmXml).unwrap(), plain);
+        // A sample without a magnitude ends no file.
+        let lost = ALCDEF.replace("DATA=2455000.25|7.9||", "DATA=2455000.25|NaN|0.1|");
+        let found = read_str("a.txt", &lost, Format::Alcdef).unwrap();
+        assert_eq!(found.magnitude, [7.812, 0.4]);
+        assert!(found.notes.iter().any(|n| n.contains("1 samples without a magnitude")));
+    }
 }

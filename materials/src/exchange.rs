@@ -2,7 +2,7 @@
 //!
 //! Which it is follows from the content, never from the ending: Zemax's `.bsdf` is text, ours and Mitsuba's is a tensor file.
 
-use crate::fit::surface::hemisphere;
+use crate::fit::surface::hemisphere::Hemisphere;
 use crate::samples::{Sample, Samples, direction, turned};
 use glam::DVec3;
 use serde_json::json;
@@ -33,6 +33,12 @@ pub fn read_bytes(
     meta.insert("read_from".into(), json!(format.name()));
     if found.missing > 0 {
         meta.insert("without_value".into(), json!(found.missing));
+    }
+    if !found.tis.is_empty() {
+        meta.insert("tis".into(), json!(found.tis));
+    }
+    if !found.remarks.is_empty() {
+        meta.insert("remarks".into(), json!(found.remarks));
     }
     if found.colours {
         let what = "colours, not wavelengths: red, green and blue stand at the dominant wavelengths of sRGB's primaries";
@@ -78,6 +84,50 @@ pub fn to_fred(samples: &Samples, column: usize) -> FredScatter {
     file
 }
 
+/// Part by which a stated reflectance and that of the values may differ.
+const MOST_OFF_LN: f64 = 0.1;
+
+/// Warnings on values that were read: changes that were made to them, a reflectance that is not the file's own, a convention of azimuths that seems to be another one.
+pub fn warnings(samples: &Samples) -> Vec<String> {
+    let remarks = samples.meta.get("remarks").and_then(|r| r.as_array());
+    let remarks = remarks.into_iter().flatten().filter_map(|r| r.as_str());
+    let mut all: Vec<String> = remarks.map(str::to_owned).collect();
+    all.extend(other_than_stated(samples));
+    let values = samples.rows.iter().map(|row| {
+        let (i, o) = row.directions();
+        (i, o, row.brdf_per_sr[0])
+    });
+    all.extend(brdf_table::mirrored_side(values));
+    all
+}
+
+/// Warnings where values reflect more or less than the hemispherical reflectance that their file states (Zemax's TIS), by more than 10 % and what lies between the directions.
+pub fn other_than_stated(samples: &Samples) -> Vec<String> {
+    let mut by_incidence: std::collections::BTreeMap<i64, Vec<&Sample>> =
+        std::collections::BTreeMap::new();
+    for row in &samples.rows {
+        let theta = (row.theta_i_deg.abs() * 1e6).round() as i64;
+        by_incidence.entry(theta).or_default().push(row);
+    }
+    let mut said = Vec::new();
+    for (theta, rows) in by_incidence {
+        let theta_deg = theta as f64 / 1e6;
+        let Some(tis) = samples.tis(theta_deg) else { continue };
+        let (i, _) = rows[0].directions();
+        let known = rows.iter().filter(|r| r.brdf_per_sr[0].is_finite());
+        let (o, value): (Vec<DVec3>, Vec<f64>) =
+            known.map(|r| (r.directions().1, r.brdf_per_sr[0])).unzip();
+        let hemisphere = Hemisphere::new(i, &o, &value);
+        let found = hemisphere.of(&value);
+        if (found / tis).ln().abs() > MOST_OFF_LN + hemisphere.ln_doubt {
+            said.push(format!(
+                "at {theta_deg}° of incidence the values reflect {found:.3} and the file's own TIS is {tis:.3}: look at the units and the scale of the values"
+            ));
+        }
+    }
+    said
+}
+
 /// The direction at a radial angle and an azimuth about the mirrored ray of light with the azimuth 180°: 0 towards the normal.
 fn about_mirrored(theta_i_deg: f64, azimuth_deg: f64, radial_deg: f64) -> DVec3 {
     let (sin_i, cos_i) = theta_i_deg.to_radians().sin_cos();
@@ -115,15 +165,23 @@ pub enum WriteError {
         /// Values that there are.
         values: usize,
     },
+    /// Samples that are too far apart for their peak.
+    #[error(
+        "at {theta_i_deg}° of incidence the directions are too far apart for the peak, so the TIS that Zemax's format needs is not known: measure nearer to the mirrored ray, or write FRED's"
+    )]
+    NotResolved {
+        /// Angle of incidence, degrees.
+        theta_i_deg: f64,
+    },
     /// A table with several azimuths of incidence.
     #[error("the table has several azimuths of incidence, and Zemax's format is written for one")]
     Azimuths,
 }
 
-/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives.
+/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives. A TIS that was read is kept.
 ///
 /// # Errors
-/// Directions that are no such grid, several azimuths of incidence.
+/// Directions that are no such grid, several azimuths of incidence, samples too far apart for a TIS where none was read.
 pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteError> {
     if samples.has_azimuths() {
         return Err(WriteError::Azimuths);
@@ -188,8 +246,13 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
             .iter()
             .map(|((_, a, r), _)| about_mirrored(theta_deg, *a as f64 / 1e6, *r as f64 / 1e6))
             .collect();
-        let weights = hemisphere::weights(i, &o);
-        tis.push(weights.iter().zip(&of_this).map(|(w, (_, v))| w * **v).sum());
+        let values: Vec<f64> = of_this.iter().map(|(_, v)| **v).collect();
+        let hemisphere = Hemisphere::new(i, &o, &values);
+        tis.push(match samples.tis(theta_deg) {
+            Some(read) => read,
+            None if hemisphere.is_known() => hemisphere.of(&values),
+            None => return Err(WriteError::NotResolved { theta_i_deg: theta_deg }),
+        });
         for azimuth in &azimuths {
             for radial in &radials {
                 let azimuth = if *radial == 0 { -1 } else { *azimuth };

@@ -2,7 +2,7 @@
 
 use crate::exchange::Exchange;
 use crate::read::ReadError;
-use crate::samples::direction;
+use crate::samples::{Sample, direction};
 use std::path::Path;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
@@ -91,9 +91,13 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
         return Ok(material(&document, &key, &found.material[at])?.0);
     }
     let (table, _) = crate::read::samples(path, Some(wavelength_nm))?;
+    // What a fit leaves out is left out here, too.
+    let known = |r: &&Sample| r.brdf_per_sr.iter().all(|v| v.is_finite() && *v >= 0.0);
+    let left = table.rows.iter().filter(|r| !known(r)).count();
     let rows: Vec<Row> = table
         .rows
         .iter()
+        .filter(known)
         .map(|r| Row {
             theta_i_deg: r.theta_i_deg,
             phi_i_deg: r.phi_i_deg,
@@ -102,7 +106,12 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
             brdf_per_sr: r.brdf_per_sr.clone(),
         })
         .collect();
-    Ok(brdf_table::material(file, &table.wavelength_nm, &rows, None)?)
+    let mut made = brdf_table::material(file, &table.wavelength_nm, &rows, None)?;
+    if left > 0 {
+        let all = table.rows.len();
+        made = made.with_note(format!("{left} of {all} rows are below 0 or no number: left out"));
+    }
+    Ok(made)
 }
 
 /// Returns a warning where a material's spectra do not reach a wavelength.
@@ -186,7 +195,14 @@ impl Look {
             albedo.push((theta, material.albedo(nm, direction(theta, phi_i_deg))?));
         }
         for (theta, e) in albedo.iter().filter(|(_, e)| *e > 1.0 + 1e-3) {
-            warnings.push(format!("it reflects {e:.4} of the light at {theta}° of incidence"));
+            let is_coarse =
+                material.notes().iter().any(|n| n.starts_with(brdf_table::NOT_RESOLVED));
+            let why = if is_coarse {
+                ": the table's directions are too far apart for its peak, the material may be in order"
+            } else {
+                ""
+            };
+            warnings.push(format!("it reflects {e:.4} of the light at {theta}° of incidence{why}"));
         }
         let reciprocity = reciprocity(material, nm);
         let slice = |theta: f64| -> Vec<(f64, f64)> {

@@ -98,6 +98,22 @@ impl Samples {
         false
     }
 
+    /// The hemispherical reflectance that the file states for an angle of incidence (Zemax's TIS), which is kept in the metadata `tis`: pairs of angle and reflectance.
+    pub fn tis(&self, theta_i_deg: f64) -> Option<f64> {
+        let value = self.meta.get("tis").or_else(|| self.meta.get("TIS"))?;
+        // A FITS header holds it as text.
+        let value = match value.as_str() {
+            Some(text) => serde_json::from_str(text).ok()?,
+            None => value.clone(),
+        };
+        let pairs = value.as_array()?.iter().filter_map(|pair| {
+            let pair = pair.as_array()?;
+            Some((pair.first()?.as_f64()?, pair.get(1)?.as_f64()?))
+        });
+        let mut here = pairs.filter(|(theta, _)| (theta - theta_i_deg.abs()).abs() < 1e-3);
+        here.next().map(|(_, tis)| tis).filter(|tis| *tis > 0.0 && tis.is_finite())
+    }
+
     /// From a table. `wavelength_nm` is that of a column `brdf_per_sr` whose metadata do not say it; `path` names the table in errors.
     ///
     /// # Errors

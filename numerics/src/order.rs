@@ -28,6 +28,105 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     Some(if lower == upper { upper } else { 0.5 * lower + 0.5 * upper })
 }
 
+/// Median of values that come one after another, in memory that does not grow with them without end.
+///
+/// Up to [`RunningMedian::EXACT`] values it is their [`median`] to the bit. Beyond that values are counted in cells of a part in 4096 of their size, and the median is off by at most a part in 8192 of itself.
+///
+/// ```
+/// use sunglint_numerics::order::RunningMedian;
+/// let mut running = RunningMedian::default();
+/// [3.0, 1.0, f64::NAN, 2.0].into_iter().for_each(|v| running.add(v));
+/// assert_eq!(running.median(), Some(2.0));
+/// assert_eq!(running.largest(), Some(3.0));
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct RunningMedian {
+    exact: Vec<f64>,
+    /// Counts by the upper bits of the values in their order: a page for each sign and exponent.
+    pages: Vec<Option<Box<[u64; CELLS]>>>,
+    count: u64,
+    largest: Option<f64>,
+}
+
+/// Cells of one exponent.
+const CELLS: usize = 1 << CELL_BITS;
+const CELL_BITS: u32 = 12;
+/// Bits of a value below those that name its cell.
+const REST_BITS: u32 = 52 - CELL_BITS;
+const SIGN: u64 = 1 << 63;
+
+impl RunningMedian {
+    /// So many values are kept as they are.
+    pub const EXACT: usize = 1 << 19;
+
+    /// Takes one more value in; one that is no number is left out.
+    pub fn add(&mut self, value: f64) {
+        if value.is_nan() {
+            return;
+        }
+        self.count += 1;
+        self.largest = Some(self.largest.map_or(value, |most| most.max(value)));
+        if self.pages.is_empty() && self.exact.len() < Self::EXACT {
+            self.exact.push(value);
+            return;
+        }
+        for value in std::mem::take(&mut self.exact) {
+            self.sort_in(value);
+        }
+        self.sort_in(value);
+    }
+
+    fn sort_in(&mut self, value: f64) {
+        let bits = value.to_bits();
+        // Negative values in the opposite order, below all others.
+        let key = if bits & SIGN == 0 { bits | SIGN } else { !bits } >> REST_BITS;
+        let (page, cell) = ((key >> CELL_BITS) as usize, key as usize % CELLS);
+        if self.pages.is_empty() {
+            self.pages.resize(1 << 12, None);
+        }
+        self.pages[page].get_or_insert_with(|| Box::new([0; CELLS]))[cell] += 1;
+    }
+
+    /// Number of values.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The largest value; `None` of none.
+    pub fn largest(&self) -> Option<f64> {
+        self.largest
+    }
+
+    /// The median; `None` of no value.
+    pub fn median(&self) -> Option<f64> {
+        if self.pages.is_empty() {
+            return median(self.exact.iter().copied());
+        }
+        let (lower, upper) = (self.ranked((self.count - 1) / 2)?, self.ranked(self.count / 2)?);
+        Some(if lower == upper { upper } else { 0.5 * lower + 0.5 * upper })
+    }
+
+    /// The middle of the cell that holds the value of a rank.
+    fn ranked(&self, rank: u64) -> Option<f64> {
+        let mut before = 0;
+        for (page, cells) in self.pages.iter().enumerate() {
+            for (cell, count) in cells.iter().flat_map(|cells| cells.iter().enumerate()) {
+                before += count;
+                if before > rank {
+                    let key = ((page as u64) << CELL_BITS | cell as u64) << REST_BITS;
+                    let of =
+                        |key: u64| f64::from_bits(if key & SIGN == 0 { !key } else { key ^ SIGN });
+                    let (low, middle) = (of(key), of(key | 1 << (REST_BITS - 1)));
+                    // Nothing is halved below the smallest normal number, nor beyond the largest.
+                    let whole = middle.is_normal();
+                    return Some(if whole { middle } else { low });
+                }
+            }
+        }
+        None
+    }
+}
+
 /// Returns the robust standard deviation of values about 0: 1.4826 times the median of their sizes. `None` without a number.
 ///
 /// ```
@@ -83,6 +182,39 @@ pub fn weighted_quantile(weighted: &[(f64, f64)], part: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: the median of all values, by sorting: to a part in 8192 beyond what is kept, exactly up to that; negative values, zeros and infinite ones among them.
+    #[test]
+    fn a_running_median_is_the_median() {
+        let value = |i: usize| {
+            let x = (i as f64 * 0.618_033_988_749_894_9).fract();
+            match i % 97 {
+                0 => 0.0,
+                1 => f64::INFINITY,
+                2 => -1e-3 / (x + 1e-9),
+                _ => 10_f64.powf(20.0 * x - 12.0),
+            }
+        };
+        for count in [1, 2, 1000, RunningMedian::EXACT, RunningMedian::EXACT + 1, 900_000] {
+            let mut running = RunningMedian::default();
+            (0..count).for_each(|i| running.add(value(i)));
+            running.add(f64::NAN);
+            let known = median((0..count).map(value)).unwrap();
+            let found = running.median().unwrap();
+            let allowed = if count > RunningMedian::EXACT { known.abs() / 8192.0 } else { 0.0 };
+            let good = found == known || (found - known).abs() <= allowed;
+            assert!(good, "{count}: {found} {known}");
+            assert_eq!(running.count(), count as u64);
+            assert_eq!(running.largest(), (0..count).map(value).reduce(f64::max));
+        }
+        let mut zeros = RunningMedian::default();
+        (0..RunningMedian::EXACT + 10).for_each(|_| zeros.add(0.0));
+        assert_eq!(zeros.median(), Some(0.0));
+        let mut less = RunningMedian::default();
+        (0..RunningMedian::EXACT + 10).for_each(|i| less.add(-1.0 - i as f64));
+        let known = -1.0 - 0.5 * (RunningMedian::EXACT + 9) as f64;
+        assert!((less.median().unwrap() / known - 1.0).abs() < 1.0 / 8192.0);
+    }
 
     /// Truth: the definition, by sorting; numbers from a congruence. Infinite values are values.
     #[test]

@@ -1,7 +1,7 @@
 //! A camera's thread: frames from start to start, set as each visit asks.
 
 use super::mount::{Aim, Ready, Sights, Waiting};
-use super::movers::Before;
+use super::movers::{Before, FrameFilter};
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
 use super::schedule::CameraWish;
@@ -13,9 +13,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::clock_offset_s;
-use sunglint_drivers::device::{Camera, DeviceError, Limits, Window};
+use sunglint_drivers::device::{
+    CLOCKS_S, Camera, DeviceError, HOST_DIFFERENCE, Limits, Value, Window,
+};
 use sunglint_formats::Frame;
-use sunglint_formats::session::{FRAME_NUMBER, Target, TargetKind, What};
+use sunglint_formats::session::{
+    FILTER_DOUBTED, FLAT_LEVEL, FRAME_NUMBER, Target, TargetKind, What, is_near_level,
+};
 use sunglint_formats::toml::{Finite, Positive};
 
 /// How much longer than its exposure and the longest readout so far a frame may take.
@@ -27,12 +31,20 @@ const STEP_S: f64 = super::clock::STEP_S;
 
 /// Shortest and longest exposure of flats that follow the light, s.
 const FLAT_S: [f64; 2] = [1e-3, 60.0];
-/// A flat counts where its median is within these parts of its level.
-const FLAT_NEAR: [f64; 2] = [0.6, 1.5];
 /// How often a camera that has nothing to do looks at the schedule.
 const LOOK: Duration = Duration::from_millis(20);
 /// How long a camera waits for a wheel or rotator that is lost, before it takes frames all the same.
 const LOST: Duration = Duration::from_secs(5);
+/// A sensor is as cold as was asked within this, °C.
+const COLD_C: f64 = 1.0;
+/// How often a camera that waits for its cooler asks it, how long it waits at most, and after how long without progress it waits no more.
+const COOLER: Duration = Duration::from_secs(2);
+const COOLS: Duration = Duration::from_secs(900);
+const STUCK: Duration = Duration::from_secs(60);
+/// Progress of a cooler, °C.
+const COOLER_C: f64 = 0.2;
+/// Time for the readout of a frame, before one came, that a cooler leaves, s.
+const READOUT_S: f64 = 2.0;
 /// How often a camera that waits for the mount looks at it.
 const AIM: Duration = Duration::from_millis(100);
 
@@ -49,7 +61,7 @@ pub struct CameraWork {
     readout: Option<Duration>,
     /// The frame type that the camera was told.
     told: Option<&'static str>,
-    /// As the camera is set.
+    /// The camera's own setting.
     set: Option<CameraPlan>,
     /// Frames of each step so far.
     taken: HashMap<u32, u32>,
@@ -62,9 +74,24 @@ pub struct CameraWork {
     waiting: Waiting,
     /// Where its frames go for the mount.
     sights: Option<Arc<Sights>>,
+    /// The calibration step whose temperature is settled, and the wait for it.
+    settled: Option<(Option<Epoch>, Option<u32>)>,
+    cooling: Option<Cooling>,
+    /// Whether it was told that the clock of the camera's computer is wrong.
+    clock_told: bool,
 }
 
-/// What a camera does next.
+/// A wait for the cooler.
+#[derive(Debug, Clone, Copy)]
+struct Cooling {
+    /// When it began, and when the sensor was nearest to its temperature.
+    begun: Duration,
+    nearest_at: Duration,
+    /// How far it was then, °C.
+    nearest_c: f64,
+}
+
+/// The next act of a camera.
 #[derive(Debug, Clone, PartialEq)]
 struct Now {
     exposing: Exposing,
@@ -99,6 +126,9 @@ impl CameraWork {
             aim: None,
             waiting: Waiting::default(),
             sights: None,
+            settled: None,
+            cooling: None,
+            clock_told: false,
         }
     }
 
@@ -154,6 +184,9 @@ impl CameraWork {
             if !self.is_ready(&now, worker) {
                 continue;
             }
+            if !self.is_cold(camera.as_mut(), &now, worker)? {
+                continue;
+            }
             if let Some(interval) = now.exposing.plan.interval_s.map(Positive::get) {
                 let turn = grid.wait(worker, interval, now.to);
                 if self.now(worker) != now {
@@ -168,7 +201,8 @@ impl CameraWork {
             let most = seconds(exposure_s).saturating_add(readout).saturating_add(LATE);
             let busy = seconds(exposure_s).saturating_add(self.readout.unwrap_or_default());
             let (asked, asked_at) = (worker.clock.utc(), worker.clock.clock.now());
-            let moves = self.before.moves();
+            let turns = self.before.turns();
+            let slot = worker.schedule.get().slot(asked).cloned();
             let mut frame = match camera.expose(exposure_s, &worker.within_of(most, busy)) {
                 Err(error @ DeviceError::NotOurs { .. }) => {
                     self.refuse(&error.to_string(), worker);
@@ -192,7 +226,9 @@ impl CameraWork {
                 works = true;
                 worker.works();
             }
-            if self.before.moves() != moves {
+            self.tell_clock(&frame, worker);
+            let filter = self.before.filter_over([asked_at, worker.clock.clock.now()]);
+            if filter == FrameFilter::Moved || self.before.turns() != turns {
                 self.refuse("the wheel or the rotator before it moved during the exposure", worker);
                 continue;
             }
@@ -202,7 +238,8 @@ impl CameraWork {
                 sights.see(&frame, camera.sensor_px());
             }
             let counts = self.follow_light(&now, exposure_s, &frame, camera.limits());
-            self.hand_over(frame, &now.exposing, worker);
+            let target = slot.map(|slot| slot.target);
+            self.hand_over(frame, Taken { exposing: &now.exposing, target, filter }, worker);
             if let Some(step) = now.step.filter(|_| counts) {
                 *self.taken.entry(step).or_default() += 1;
             }
@@ -340,6 +377,7 @@ impl CameraWork {
                 let error = format!("no frames in step {}: {error}", now.step.unwrap_or(0));
                 worker.status.say(format!("{}: {error}", worker.name));
                 let about = worker.name.clone();
+                worker.status.empty_step(format!("{about}: {error}"));
                 worker.disk.event(worker.clock.utc(), What::Error { about, error });
                 Ok(false)
             }
@@ -395,18 +433,13 @@ impl CameraWork {
         limits: Option<Limits>,
     ) -> bool {
         let Some(level) = now.exposing.level_adu else { return true };
-        let mut pixels: Vec<u16> = frame.pixels.iter().copied().collect();
-        let middle = pixels.len() / 2;
-        if pixels.is_empty() {
-            return false;
-        }
-        let median = f64::from(*pixels.select_nth_unstable(middle).1);
+        let Some(median) = frame.median_adu() else { return false };
         let [least, most] = limits.and_then(|limits| limits.exposure_s).unwrap_or(FLAT_S);
         let (least, most) = (least.max(FLAT_S[0]), most.min(FLAT_S[1]));
         let wanted = exposure_s * (level / median.max(1.0)).clamp(0.1, 10.0);
         let next = wanted.max(least).min(most);
         self.flat_s.insert(now.exposing.plan.filter.clone(), next);
-        (FLAT_NEAR[0]..=FLAT_NEAR[1]).contains(&(median / level))
+        is_near_level(median, level)
     }
 
     /// A step that ended with fewer frames than it should have.
@@ -417,8 +450,107 @@ impl CameraWork {
             let (about, error) =
                 (worker.name.clone(), format!("{taken} of {frames} frames in step {step}"));
             worker.status.say(format!("{about}: {error}"));
+            if taken == 0 {
+                let name = before.target.as_ref().map_or("none", |target| target.name.as_str());
+                worker.status.empty_step(format!("{about} ({name}): {error}"));
+            }
             worker.disk.event(worker.clock.utc(), What::Error { about, error });
         }
+    }
+
+    /// Whether the sensor is as cold as dark and bias frames must be. The cooler is waited for as long as its frames then still find their time.
+    fn is_cold(
+        &mut self,
+        camera: &mut dyn Camera,
+        now: &Now,
+        worker: &Worker,
+    ) -> Result<bool, DeviceError> {
+        let key = (now.begun, now.step);
+        let calibrates = matches!(now.exposing.frame_type, "dark" | "bias");
+        let wanted = now.exposing.plan.temperature_c.filter(|_| calibrates).map(Finite::get);
+        let Some(wanted_c) = wanted.filter(|_| self.settled != Some(key)) else { return Ok(true) };
+        let said = camera.settings(&worker.within(SOON))?;
+        let at_c = said.into_iter().find_map(|setting| match setting.value {
+            Value::Number(at_c) if setting.name == "temperature_c" => Some(at_c),
+            _ => None,
+        });
+        let Some(at_c) = at_c else {
+            self.settled = Some(key);
+            return Ok(true);
+        };
+        let (off_c, clock) = ((at_c - wanted_c).abs(), worker.clock.clock.now());
+        if off_c <= COLD_C {
+            if self.cooling.take().is_some() {
+                worker.status.say(format!("{}: the sensor is at {at_c:.1} °C", worker.name));
+            }
+            self.settled = Some(key);
+            return Ok(true);
+        }
+        let first = self.cooling.is_none();
+        let cooling = self.cooling.get_or_insert(Cooling {
+            begun: clock,
+            nearest_at: clock,
+            nearest_c: off_c,
+        });
+        if off_c < cooling.nearest_c - COOLER_C {
+            (cooling.nearest_at, cooling.nearest_c) = (clock, off_c);
+        }
+        let stuck = clock.saturating_sub(cooling.nearest_at) >= STUCK;
+        let long = clock.saturating_sub(cooling.begun) >= COOLS;
+        let left_s = now.to.map(|to| (to - worker.clock.utc()).to_seconds() - self.needs_s(now));
+        if stuck || long || left_s.is_some_and(|left_s| left_s <= 0.0) {
+            (self.settled, self.cooling) = (Some(key), None);
+            let about = worker.name.clone();
+            let error = format!(
+                "the sensor is at {at_c:.1} °C, asked were {wanted_c} °C: {} frames are taken all the same",
+                now.exposing.frame_type
+            );
+            worker.status.say(format!("{about}: {error}"));
+            worker.disk.event(worker.clock.utc(), What::Error { about, error });
+            return Ok(true);
+        }
+        if first {
+            worker.status.say(format!(
+                "{}: {} frames wait for the cooler: the sensor is at {at_c:.1} °C, asked were {wanted_c} °C",
+                worker.name, now.exposing.frame_type
+            ));
+        }
+        let wait = left_s.map_or(COOLER, |left_s| COOLER.min(seconds(left_s)));
+        let _ = worker.within(Duration::MAX).sleep(wait);
+        Ok(false)
+    }
+
+    /// Time that the frames of a step take, s; half of its visit where it has no number of them.
+    fn needs_s(&self, now: &Now) -> f64 {
+        let readout_s = self.readout.map_or(READOUT_S, |readout| readout.as_secs_f64());
+        let frame_s = self.exposure_s(now) + readout_s;
+        let every_s = now.exposing.plan.interval_s.map_or(frame_s, |i| i.get().max(frame_s));
+        let taken = now.step.and_then(|step| self.taken.get(&step)).copied().unwrap_or(0);
+        match (now.exposing.frames, now.begun.zip(now.to)) {
+            (Some(frames), _) => every_s * f64::from(frames.saturating_sub(taken)),
+            (None, Some((begun, to))) => 0.5 * (to - begun).to_seconds(),
+            (None, None) => 0.0,
+        }
+    }
+
+    /// Says once that the clock of the camera's computer is wrong: its frames then have the time of this one.
+    fn tell_clock(&mut self, frame: &Frame, worker: &Worker) {
+        // A step of this computer's own clock is told as such.
+        let stepped_s = clock_offset_s();
+        let wrong = |s: &f64| s.abs() > CLOCKS_S && (s - stepped_s).abs() > CLOCKS_S;
+        let Some(apart_s) = frame.header.real(HOST_DIFFERENCE).filter(wrong) else {
+            self.clock_told = false;
+            return;
+        };
+        if std::mem::replace(&mut self.clock_told, true) {
+            return;
+        }
+        let about = worker.name.clone();
+        let error = format!(
+            "the clock of its computer is {apart_s:+.1} s from this one's: its frames have the time of this computer (TIMRDER says how exactly); set its clock"
+        );
+        worker.status.say(format!("{about}: {error}"));
+        worker.disk.event(worker.clock.utc(), What::Error { about, error });
     }
 
     /// Tells the camera what the next frame is taken for, so that its driver closes the shutter for a dark one.
@@ -498,9 +630,25 @@ impl CameraWork {
     }
 
     /// Puts the filter, the cooler's and the converter's settings into a header: as the device says them, else as planned.
-    fn say_settings(&self, plan: &CameraPlan, frame: &mut Frame) {
-        if let Some(filter) = self.before.filter() {
-            frame.header.set("FILTER", filter.as_str(), "where the wheel stood");
+    fn say_settings(&self, plan: &CameraPlan, filter: FrameFilter, frame: &mut Frame) {
+        match filter {
+            FrameFilter::NoWheel => {}
+            FrameFilter::Stood(name) => {
+                frame.header.set("FILTER", name.as_str(), "where the wheel stood");
+            }
+            // Such a frame is refused.
+            FrameFilter::Lost | FrameFilter::Moved => {
+                frame.header.set("FILTER", "unknown", "the wheel was lost");
+            }
+            FrameFilter::Doubted(last) => {
+                let name = plan.filter.clone().or(last).unwrap_or_else(|| "unknown".into());
+                frame.header.set("FILTER", name.as_str(), "as planned, or where the wheel stood");
+                if let Some(planned) = &plan.filter {
+                    frame.header.set("FILTPLAN", planned.as_str(), "planned");
+                }
+                let comment = "nobody saw the wheel after the frame";
+                frame.header.set(FILTER_DOUBTED, true, comment);
+            }
         }
         if let Some(angle_deg) = self.before.angle_deg() {
             frame.header.set("ROTATANG", angle_deg, "deg, where the rotator stood");
@@ -530,7 +678,8 @@ impl CameraWork {
         }
     }
 
-    fn hand_over(&mut self, mut frame: Frame, exposing: &Exposing, worker: &Worker) {
+    fn hand_over(&mut self, mut frame: Frame, taken: Taken<'_>, worker: &Worker) {
+        let Taken { exposing, target, filter } = taken;
         let half = hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
         let middle: Epoch = frame.start + half;
         if worker.opener.keeps_numbers() {
@@ -543,14 +692,29 @@ impl CameraWork {
                 self.plan.name.as_str(),
                 "the camera's name in this session",
             );
-            self.say_settings(&exposing.plan, &mut frame);
-            let schedule = worker.schedule.get();
-            self.pointing.describe(schedule.at(middle), middle, self.told, &mut frame);
+            self.say_settings(&exposing.plan, filter, &mut frame);
+            if let Some(level) = exposing.level_adu {
+                frame.header.set(FLAT_LEVEL, level, "ADU, median that was asked for");
+            }
+            // A recording has times of its own.
+            let target = match worker.clock.is_live() {
+                true => target,
+                false => worker.schedule.get().at(middle).cloned(),
+            };
+            self.pointing.describe(target.as_ref(), middle, self.told, &mut frame);
         }
         worker.status.frame(&worker.name, self.number, &frame);
         worker.reached(frame.start + half * 2);
         worker.disk.frame(&worker.name, self.number, frame);
     }
+}
+
+/// How a frame was taken.
+struct Taken<'a> {
+    exposing: &'a Exposing,
+    /// The target of the slot in which it was asked for.
+    target: Option<Target>,
+    filter: FrameFilter,
 }
 
 /// Takes a step of the computer's clock, s, out of a frame's time: its driver stamps with that clock. Of a driver on another computer,

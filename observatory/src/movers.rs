@@ -4,8 +4,8 @@ use super::plan::{CameraPlan, RotatorPlan, WheelPlan};
 use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
 use serde_json::{Map, json};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use sunglint_drivers::device::{DeviceError, FilterWheel, RotationStage};
 use sunglint_formats::session::What;
@@ -14,6 +14,10 @@ use sunglint_formats::session::What;
 const LOOK: Duration = Duration::from_millis(50);
 /// How often it asks its device where it stands: somebody else may have turned it.
 const ASK: Duration = Duration::from_secs(2);
+/// How long a frame waits for a look at the wheel that is later than it.
+const WAIT: Duration = Duration::from_secs(1);
+/// How long after the night's end a wheel is still looked at for the last frames.
+const AFTER: Duration = Duration::from_secs(10);
 /// How long a turn may take.
 const TURN: Duration = Duration::from_secs(120);
 /// A rotator that stands so far off its angle is turned, degrees.
@@ -32,21 +36,149 @@ pub enum Stand {
     Lost,
 }
 
+/// A change of where a mover stands: it came after a time at which it was looked at, and was known at another.
+#[derive(Debug, Clone, PartialEq)]
+struct Change {
+    after: Duration,
+    known: Duration,
+    stand: Stand,
+}
+
+/// Course of a mover: the last changes, and how far they are known.
+#[derive(Debug, Default)]
+struct Course {
+    changes: VecDeque<Change>,
+    /// Changes so far.
+    count: u64,
+    /// Begin of the last look that was answered.
+    looked: Duration,
+    /// Whether a camera waits for a look.
+    wanted: bool,
+}
+
+/// Changes of a mover that are kept.
+const CHANGES: usize = 64;
+
+impl Course {
+    fn change(&mut self, after: Duration, known: Duration, stand: Stand) {
+        if self.changes.back().is_some_and(|last| last.stand == stand) {
+            return;
+        }
+        self.count += u64::from(!self.changes.is_empty());
+        self.changes.push_back(Change { after, known, stand });
+        if self.changes.len() > CHANGES {
+            self.changes.pop_front();
+        }
+    }
+
+    /// Where it stood over a time; `None` before it was looked at later.
+    fn over(&self, from: Duration, to: Duration) -> Option<Over> {
+        let now = self.changes.back()?;
+        if now.stand == Stand::Lost {
+            return Some(Over::Lost);
+        }
+        let within = |change: &&Change| change.after < to && change.known > from;
+        // That it was found somewhere when it was opened is no change.
+        let opened = usize::from(self.count + 1 == self.changes.len() as u64);
+        if self.changes.iter().skip(opened).any(|change| within(&change)) {
+            return Some(Over::Moved);
+        }
+        if self.looked < to {
+            return None;
+        }
+        let before = self.changes.iter().rev().find(|change| change.known <= from);
+        Some(match before.map(|change| &change.stand) {
+            Some(Stand::Moving) => Over::Moved,
+            Some(stand) => Over::Stood(stand.clone()),
+            None => Over::Lost,
+        })
+    }
+}
+
+/// Stand of a mover over the time of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Over {
+    /// It stood.
+    Stood(Stand),
+    /// It moved, or may have.
+    Moved,
+    /// It was lost, or is not open.
+    Lost,
+}
+
 /// Where all wheels and rotators stand, for the threads of the cameras.
 #[derive(Debug, Default)]
-pub struct Stands(Mutex<BTreeMap<String, (Stand, u64)>>);
+pub struct Stands {
+    courses: Mutex<BTreeMap<String, Course>>,
+    /// A look is wanted, or was made.
+    news: Condvar,
+    /// Held by each camera that is at work.
+    at_work: Arc<()>,
+}
 
 impl Stands {
-    fn set(&self, name: &str, stand: Stand) {
-        let mut stands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let moves =
-            stands.get(name).map_or(0, |(before, moves)| moves + u64::from(*before != stand));
-        stands.insert(name.to_owned(), (stand, moves));
+    fn courses(&self) -> MutexGuard<'_, BTreeMap<String, Course>> {
+        self.courses.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the program does itself, or finds.
+    fn set(&self, name: &str, stand: Stand, now: Duration) {
+        let mut courses = self.courses();
+        courses.entry(name.to_owned()).or_default().change(now, now, stand);
+        self.news.notify_all();
+    }
+
+    /// What a device has said, in order; by a look that began at `began`, or by itself.
+    fn said(&self, name: &str, stands: Vec<Stand>, began: Option<Duration>, now: Duration) {
+        let mut courses = self.courses();
+        let course = courses.entry(name.to_owned()).or_default();
+        let after = course.looked;
+        for stand in stands {
+            course.change(after, now, stand);
+        }
+        if let Some(began) = began {
+            (course.looked, course.wanted) = (began, false);
+            self.news.notify_all();
+        }
     }
 
     /// Where a mover stands, and how often that has changed; `None` before it is open.
     pub fn get(&self, name: &str) -> Option<(Stand, u64)> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(name).cloned()
+        let courses = self.courses();
+        let course = courses.get(name)?;
+        Some((course.changes.back()?.stand.clone(), course.count))
+    }
+
+    /// Waits until a camera wants a look, or for a while.
+    fn wait(&self, name: &str, most: Duration) {
+        let idle = |courses: &mut BTreeMap<String, Course>| {
+            !courses.get(name).is_some_and(|course| course.wanted)
+        };
+        // Woken or not: the caller looks.
+        drop(self.news.wait_timeout_while(self.courses(), most, idle));
+    }
+
+    fn is_wanted(&self, name: &str) -> bool {
+        self.courses().get(name).is_some_and(|course| course.wanted)
+    }
+
+    /// Where a mover stood over the time of a frame: asked for, and waited for. `None` where no look came in time.
+    fn over(&self, name: &str, [from, to]: [Duration; 2], most: Duration) -> Option<Over> {
+        let mut courses = self.courses();
+        let Some(course) = courses.get_mut(name) else { return Some(Over::Lost) };
+        course.wanted = true;
+        self.news.notify_all();
+        let unknown = |courses: &mut BTreeMap<String, Course>| {
+            courses.get(name).is_some_and(|course| course.over(from, to).is_none())
+        };
+        let waited = self.news.wait_timeout_while(courses, most, unknown);
+        let (courses, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        courses.get(name).map_or(Some(Over::Lost), |course| course.over(from, to))
+    }
+
+    /// Whether a camera is at work.
+    fn is_needed(&self) -> bool {
+        Arc::strong_count(&self.at_work) > 1
     }
 }
 
@@ -77,7 +209,7 @@ impl WheelWork {
     pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let done = self.turn(worker);
         if done.is_err() {
-            self.stands.set(&self.plan.name, Stand::Lost);
+            self.stands.set(&self.plan.name, Stand::Lost, worker.clock.clock.now());
         }
         done
     }
@@ -93,30 +225,60 @@ impl WheelWork {
             let name = (slot as usize).checked_sub(1).and_then(|k| names.get(k));
             name.cloned().unwrap_or_else(|| format!("slot {slot}"))
         };
+        let stand_of =
+            |slot: Option<u32>| slot.map_or(Stand::Moving, |s| Stand::Filter(name_of(s)));
         let mut asked_at = worker.clock.clock.now();
-        let mut at = name_of(wheel.slot(&worker.within(SOON))?);
-        self.stands.set(&self.plan.name, Stand::Filter(at.clone()));
+        let first = wheel.look(&worker.within(SOON))?;
+        self.hear(first.into_iter().map(stand_of).collect(), Some(asked_at), worker);
         worker.works();
-        while !worker.is_over() {
+        let mut over_at = None;
+        loop {
             let now = worker.clock.clock.now();
-            if now.saturating_sub(asked_at) >= ASK {
-                asked_at = now;
-                at = name_of(wheel.slot(&worker.within(SOON))?);
-                self.stands.set(&self.plan.name, Stand::Filter(at.clone()));
+            // The last frames are still to be told what stood before them.
+            if worker.is_over() {
+                let since = now.saturating_sub(*over_at.get_or_insert(now));
+                if !self.stands.is_needed() || since > AFTER {
+                    return Ok(());
+                }
             }
-            if let Some(wanted) = self.wanted(worker).filter(|wanted| *wanted != at) {
-                at = name_of(self.go(wheel.as_mut(), &wanted, &names, worker)?);
+            let asks =
+                self.stands.is_wanted(&self.plan.name) || now.saturating_sub(asked_at) >= ASK;
+            let soon = match over_at {
+                None => worker.within(SOON),
+                Some(_) => worker.even_so(SOON),
+            };
+            let stood = match asks {
+                true => {
+                    asked_at = now;
+                    wheel.look(&soon)?
+                }
+                false => wheel.heard(&soon)?,
+            };
+            let stood = stood.into_iter().map(stand_of).collect();
+            self.hear(stood, asks.then_some(now), worker);
+            let at = match self.stands.get(&self.plan.name) {
+                Some((Stand::Filter(name), _)) => Some(name),
+                _ => None,
+            };
+            // While somebody else turns it, it is left to that.
+            let wanted = self.wanted(worker).filter(|_| over_at.is_none() && at.is_some());
+            if let Some(wanted) = wanted.filter(|wanted| at.as_ref() != Some(wanted)) {
+                let at = name_of(self.go(wheel.as_mut(), &wanted, &names, worker)?);
                 if at != wanted {
                     let got = format!("{at} is in the beam");
                     let (device, name) = ("filter wheel", "filter");
                     return Err(DeviceError::NotTaken { device, name, asked: wanted, got });
                 }
-                self.stands.set(&self.plan.name, Stand::Filter(at.clone()));
+                let now = worker.clock.clock.now();
+                self.stands.set(&self.plan.name, Stand::Filter(at), now);
             }
-            // Cut short by Ctrl-C alone.
-            let _ = worker.within(Duration::MAX).sleep(LOOK);
+            self.stands.wait(&self.plan.name, LOOK);
         }
-        Ok(())
+    }
+
+    /// Takes what the wheel has said.
+    fn hear(&self, stood: Vec<Stand>, began: Option<Duration>, worker: &Worker) {
+        self.stands.said(&self.plan.name, stood, began, worker.clock.clock.now());
     }
 
     /// The filter that the cameras behind it want now.
@@ -141,7 +303,7 @@ impl WheelWork {
             };
             return Err(DeviceError::Unknown { name: "filter", asked: wanted.to_owned(), known });
         };
-        self.stands.set(&self.plan.name, Stand::Moving);
+        self.stands.set(&self.plan.name, Stand::Moving, worker.clock.clock.now());
         let stands = wheel.select(slot, &worker.within(TURN)).map_err(|failed| *failed.error)?;
         set(&self.plan.name, "filter", json!(wanted), worker);
         Ok(stands)
@@ -165,7 +327,7 @@ impl RotatorWork {
     pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let done = self.turn(worker);
         if done.is_err() {
-            self.stands.set(&self.plan.name, Stand::Lost);
+            self.stands.set(&self.plan.name, Stand::Lost, worker.clock.clock.now());
         }
         done
     }
@@ -175,14 +337,14 @@ impl RotatorWork {
         worker.opened(stage.as_mut())?;
         let mut asked_at = worker.clock.clock.now();
         let mut at_deg = stage.angle_deg(&worker.within(SOON))?;
-        self.stands.set(&self.plan.name, Stand::Angle(at_deg));
+        self.stands.set(&self.plan.name, Stand::Angle(at_deg), worker.clock.clock.now());
         worker.works();
         while !worker.is_over() {
             let now = worker.clock.clock.now();
             if now.saturating_sub(asked_at) >= ASK {
                 asked_at = now;
                 at_deg = stage.angle_deg(&worker.within(SOON))?;
-                self.stands.set(&self.plan.name, Stand::Angle(at_deg));
+                self.stands.set(&self.plan.name, Stand::Angle(at_deg), worker.clock.clock.now());
             }
             if let Some(wanted) = wanted_deg(worker).filter(|w| apart_deg(*w, at_deg) > OFF_DEG) {
                 at_deg = self.go(stage.as_mut(), wanted, worker)?;
@@ -191,7 +353,7 @@ impl RotatorWork {
                     let (asked, got) = (format!("{wanted}°"), format!("it stands at {at_deg}°"));
                     return Err(DeviceError::NotTaken { device, name, asked, got });
                 }
-                self.stands.set(&self.plan.name, Stand::Angle(at_deg));
+                self.stands.set(&self.plan.name, Stand::Angle(at_deg), worker.clock.clock.now());
             }
             // Cut short by Ctrl-C alone.
             let _ = worker.within(Duration::MAX).sleep(LOOK);
@@ -205,7 +367,7 @@ impl RotatorWork {
         wanted_deg: f64,
         worker: &Worker,
     ) -> Result<f64, DeviceError> {
-        self.stands.set(&self.plan.name, Stand::Moving);
+        self.stands.set(&self.plan.name, Stand::Moving, worker.clock.clock.now());
         let moved = stage.move_to(wanted_deg, &worker.within(TURN));
         let at_deg = moved.map_err(|failed| *failed.error)?;
         set(&self.plan.name, "angle_deg", json!(at_deg), worker);
@@ -239,9 +401,46 @@ pub struct Before {
     pub rotators: Vec<String>,
     /// Where they stand.
     pub stands: Arc<Stands>,
+    /// The wheel is looked at for as long as this is held.
+    _at_work: Arc<()>,
+}
+
+/// Filter of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FrameFilter {
+    /// There is no wheel.
+    NoWheel,
+    /// It stood in the beam from the frame's begin to its end.
+    Stood(String),
+    /// The wheel moved, or may have.
+    Moved,
+    /// The wheel is lost.
+    Lost,
+    /// Nobody saw the wheel after the frame; where it stood last.
+    Doubted(Option<String>),
 }
 
 impl Before {
+    /// A camera behind these.
+    pub fn new(wheel: Option<String>, rotators: Vec<String>, stands: Arc<Stands>) -> Self {
+        let at_work = stands.at_work.clone();
+        Self { wheel, rotators, stands, _at_work: at_work }
+    }
+
+    /// The filter that a frame was taken through, once the wheel was looked at later than it.
+    pub fn filter_over(&self, span: [Duration; 2]) -> FrameFilter {
+        let Some(wheel) = &self.wheel else { return FrameFilter::NoWheel };
+        match self.stands.over(wheel, span, WAIT) {
+            Some(Over::Stood(Stand::Filter(name))) => FrameFilter::Stood(name),
+            Some(Over::Moved) => FrameFilter::Moved,
+            Some(Over::Stood(_) | Over::Lost) => FrameFilter::Lost,
+            None => FrameFilter::Doubted(match self.stands.get(wheel) {
+                Some((Stand::Filter(name), _)) => Some(name),
+                _ => None,
+            }),
+        }
+    }
+
     /// Whether all stand as the camera wants them; `None` where one of them is lost or not open.
     pub fn is_ready(&self, exposing: &Exposing, angle_deg: Option<f64>) -> Option<bool> {
         let wheel = self.wheel.as_ref().zip(exposing.plan.filter.as_ref());
@@ -261,18 +460,10 @@ impl Before {
         all.try_fold(true, |ready, each| Some(ready && each?))
     }
 
-    /// How often any of them has moved.
-    pub fn moves(&self) -> u64 {
-        let all = self.wheel.iter().chain(&self.rotators);
+    /// How often any of the rotators has moved.
+    pub fn turns(&self) -> u64 {
+        let all = self.rotators.iter();
         all.filter_map(|name| self.stands.get(name)).map(|(_, moves)| moves).sum()
-    }
-
-    /// Name of the filter in the beam; `None` without a wheel.
-    pub fn filter(&self) -> Option<String> {
-        match self.stands.get(self.wheel.as_ref()?) {
-            Some((Stand::Filter(name), _)) => Some(name),
-            _ => Some("unknown".into()),
-        }
     }
 
     /// The angle of the first rotator, degrees.
@@ -281,5 +472,56 @@ impl Before {
             Stand::Angle(deg) => Some(deg),
             _ => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn s(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    fn filter(name: &str) -> Stand {
+        Stand::Filter(name.into())
+    }
+
+    /// A wheel that is looked at each two seconds, and that somebody else turns between two looks. Truth: by hand: what was seen at 2 s and otherwise at 4 s may have happened at any time between; a frame
+    /// is known only once the wheel was looked at later than it; a turn that the wheel tells itself lies after the last look.
+    #[test]
+    fn a_frame_has_the_filter_that_was_seen_before_and_after_it() {
+        let stands = Stands::default();
+        let over = |from: f64, to: f64| stands.over("wheel", [s(from), s(to)], Duration::ZERO);
+        assert_eq!(over(0.0, 1.0), Some(Over::Lost));
+        let opened = Stands::default();
+        opened.said("wheel", vec![filter("B")], Some(s(1.0)), s(1.01));
+        assert_eq!(opened.over("wheel", [s(0.5), s(1.0)], Duration::ZERO), Some(Over::Lost));
+        stands.said("wheel", vec![filter("B")], Some(s(0.0)), s(0.01));
+        stands.said("wheel", vec![filter("B")], Some(s(2.0)), s(2.01));
+        assert_eq!(over(0.5, 1.5), Some(Over::Stood(filter("B"))));
+        assert_eq!(over(1.5, 2.5), None);
+        assert!(stands.is_wanted("wheel"));
+        stands.said("wheel", vec![filter("V")], Some(s(4.0)), s(4.01));
+        assert_eq!(over(0.5, 1.5), Some(Over::Stood(filter("B"))));
+        assert_eq!(over(1.5, 2.5), Some(Over::Moved));
+        assert_eq!(over(3.0, 3.9), Some(Over::Moved));
+        // It tells that it turned away and back while a frame was taken; the count of changes alone would be enough, the filter would not.
+        stands.said("wheel", vec![filter("V")], Some(s(6.0)), s(6.01));
+        stands.said(
+            "wheel",
+            vec![Stand::Moving, filter("B"), Stand::Moving, filter("V")],
+            None,
+            s(6.5),
+        );
+        stands.said("wheel", vec![filter("V")], Some(s(7.0)), s(7.01));
+        assert_eq!(over(6.2, 6.8), Some(Over::Moved));
+        assert_eq!(over(6.6, 6.9), Some(Over::Stood(filter("V"))));
+        // Our own turn, later than a frame, takes nothing from it.
+        stands.set("wheel", Stand::Moving, s(7.2));
+        assert_eq!(over(6.6, 6.9), Some(Over::Stood(filter("V"))));
+        assert_eq!(over(7.1, 7.3), Some(Over::Moved));
+        stands.set("wheel", Stand::Lost, s(8.0));
+        assert_eq!(over(7.1, 7.3), Some(Over::Lost));
     }
 }

@@ -150,6 +150,14 @@ pub enum Incomplete {
         /// The devices' names, each with what it said.
         failed: Vec<(String, String)>,
     },
+    /// Steps with a number of frames, or settings that could not be had, in a night that was not stopped early.
+    #[error("no frame counts of {}: see events.jsonl of {}", steps.join("; "), session.display())]
+    Empty {
+        /// The camera, the step and its target, with what was asked for.
+        steps: Vec<String>,
+        /// The session's folder.
+        session: PathBuf,
+    },
     /// Devices that gave nothing in a night that was not stopped early.
     #[error("nothing came from {}: see events.jsonl of {}", devices.join(", "), session.display())]
     Silent {
@@ -171,6 +179,10 @@ pub struct Summary {
     pub taken: BTreeMap<String, u64>,
     /// How often each device was lost.
     pub losses: BTreeMap<String, u64>,
+    /// Frames of each camera that are on the disk, where some are not.
+    pub on_disk: BTreeMap<String, u64>,
+    /// Steps of which no frame counts: the camera, the step and its target.
+    pub empty: Vec<String>,
     /// Frames of each camera that were refused, because they are not what was asked for.
     pub refused: BTreeMap<String, u64>,
     /// Devices that can never do what was asked of them, each with what it said.
@@ -201,6 +213,10 @@ impl Summary {
         if !self.silent.is_empty() && !self.stopped {
             let (devices, session) = (self.silent.clone(), self.root.clone());
             return Err(Incomplete::Silent { devices, session });
+        }
+        if !self.empty.is_empty() && !self.stopped {
+            let (steps, session) = (self.empty.clone(), self.root.clone());
+            return Err(Incomplete::Empty { steps, session });
         }
         Ok(())
     }
@@ -394,11 +410,11 @@ impl Night {
             let is_before = |cameras: &[String]| cameras.is_empty() || cameras.contains(&plan.name);
             let wheel = self.wheels.iter().find(|wheel| is_before(&wheel.cameras));
             let rotators = self.rotators.iter().filter(|rotator| is_before(&rotator.cameras));
-            let standing = Before {
-                wheel: wheel.map(|wheel| wheel.name.clone()),
-                rotators: rotators.map(|rotator| rotator.name.clone()).collect(),
-                stands: stands.clone(),
-            };
+            let standing = Before::new(
+                wheel.map(|wheel| wheel.name.clone()),
+                rotators.map(|rotator| rotator.name.clone()).collect(),
+                stands.clone(),
+            );
             let pointing = Pointing::new(self.station.clone());
             let mut work = CameraWork::new(plan.clone(), pointing, standing);
             if let (Some(aim), Some(mount)) = (&aim, &self.mount) {
@@ -419,6 +435,7 @@ impl Night {
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
         drop(clocks);
+        let numbers = before.as_ref().map(|before| before.numbers.clone()).unwrap_or_default();
         let told = before.and_then(|before| before.target);
         let mut watch = Watch {
             night: &self,
@@ -457,7 +474,7 @@ impl Night {
         if crashed > 0 {
             return Err(NightError::Crashed { crashed });
         }
-        Ok(self.summary(utc, &last, stopped))
+        Ok(self.summary(utc, &last, stopped, &numbers))
     }
 
     /// The frames that a camera has of a step, by the files of the session.
@@ -500,7 +517,25 @@ impl Night {
         cameras.chain(self.counters.iter().map(|plan| plan.name.as_str()))
     }
 
-    fn summary(&self, utc: Epoch, last: &Snapshot, stopped: bool) -> Summary {
+    /// Frames of each camera that have a file, of those behind the numbers that it had before.
+    fn on_disk(&self, before: &BTreeMap<String, u64>) -> BTreeMap<String, u64> {
+        let Ok(session) = Session::open(&self.root) else { return BTreeMap::new() };
+        let of = |plan: &CameraPlan| {
+            let first = before.get(&plan.name).copied().unwrap_or(0);
+            let files = session.frames(&plan.name).ok()?.files;
+            let count = files.iter().filter(|file| file.sequence > first).count();
+            Some((plan.name.clone(), count as u64))
+        };
+        self.cameras.iter().filter_map(of).collect()
+    }
+
+    fn summary(
+        &self,
+        utc: Epoch,
+        last: &Snapshot,
+        stopped: bool,
+        numbers: &BTreeMap<String, u64>,
+    ) -> Summary {
         let of = |name: &str| last.devices.get(name).cloned().unwrap_or_default();
         let each = |value: &dyn Fn(&str) -> u64| {
             self.names().map(|name| (name.to_owned(), value(name))).collect::<BTreeMap<_, _>>()
@@ -510,6 +545,11 @@ impl Night {
             utc,
             taken: each(&|name| of(name).taken),
             losses: each(&|name| of(name).losses),
+            on_disk: match last.missing {
+                0 => BTreeMap::new(),
+                _ => self.on_disk(numbers),
+            },
+            empty: last.empty.clone(),
             refused: each(&|name| of(name).refused),
             failed: {
                 let wheels = self.wheels.iter().map(|wheel| wheel.name.as_str());

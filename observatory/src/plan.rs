@@ -370,6 +370,15 @@ const MOST_STEPS: u32 = 10_000;
 const READOUT_S: f64 = 2.0;
 const TURN_S: f64 = 10.0;
 
+/// Where the files come from that a plan names.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    /// A session has the station and the elements as they were recorded.
+    session: Option<&'a Session>,
+    /// Files that are not written yet.
+    beside: &'a [(PathBuf, Vec<u8>)],
+}
+
 /// A night as it is planned.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -414,7 +423,23 @@ impl Plan {
         let document = Document::read(path)?;
         let expected = "no such key: this program makes no virtual nights";
         let refuse = document.error_at("virtual", expected);
-        Self::of(&document, utc_now(), None, &mut |_| Err(refuse.clone().into()))
+        let source = Source { session: None, beside: &[] };
+        Self::of(&document, utc_now(), source, &mut |_| Err(refuse.clone().into()))
+    }
+
+    /// Reads the text of a NIGHT.toml that is not written yet, and will lie at `path`; `beside` has files that will lie there, too.
+    ///
+    /// # Errors
+    /// The errors of [`Plan::read`].
+    pub fn of_text(
+        path: &Path,
+        text: &str,
+        beside: &[(PathBuf, Vec<u8>)],
+    ) -> Result<Self, PlanError> {
+        let document = Document::new(path, text)?;
+        let refuse = document.error_at("virtual", "no such key: a plan that is made has none");
+        let source = Source { session: None, beside };
+        Self::of(&document, utc_now(), source, &mut |_| Err(refuse.clone().into()))
     }
 
     /// The plan of a session as it was recorded: its own files, and `now` is when it began.
@@ -426,7 +451,8 @@ impl Plan {
         let expected = "no virtual night: those are made anew, not gone on with";
         let refuse = document.error_at("virtual", expected);
         let begun = session.manifest().start_utc;
-        Self::of(&document, begun, Some(session), &mut |_| Err(refuse.clone().into()))
+        let source = Source { session: Some(session), beside: &[] };
+        Self::of(&document, begun, source, &mut |_| Err(refuse.clone().into()))
     }
 
     /// Reads NIGHT.toml. Where it names a virtual night `make_virtual` makes the devices.
@@ -434,17 +460,20 @@ impl Plan {
     /// # Errors
     /// The errors of [`Plan::read`], and those of `make_virtual`.
     pub fn read_with(path: &Path, make_virtual: &mut MakeVirtual<'_>) -> Result<Self, PlanError> {
-        Self::of(&Document::read(path)?, utc_now(), None, make_virtual)
+        let source = Source { session: None, beside: &[] };
+        Self::of(&Document::read(path)?, utc_now(), source, make_virtual)
     }
 
     /// The plan in a document; `now` stands for `now` in it. Of a `session` the station and the elements are those that were recorded.
     fn of(
         document: &Document,
         now: Epoch,
-        session: Option<&Session>,
+        source: Source<'_>,
         make_virtual: &mut MakeVirtual<'_>,
     ) -> Result<Self, PlanError> {
+        let session = source.session;
         let mut written: PlanFile = document.parse()?;
+        check_name(document, &written)?;
         check_devices(document, &written)?;
         let clock = clock_of(document, &mut written)?;
         let mut files = vec![("night.toml".to_owned(), document.source().as_bytes().to_vec())];
@@ -490,7 +519,7 @@ impl Plan {
         let mut slots: Vec<Slot> = Vec::new();
         for (i, visit) in written.visits.iter().enumerate() {
             let key = |name: &str| format!("visit[{i}].{name}");
-            let target = target(document, i, visit, &mut files, from, session)?;
+            let target = target(document, i, visit, &mut files, from, source)?;
             let begins = match time(&key("from"), &visit.from)? {
                 Some(begins) => begins,
                 None => match slots.last() {
@@ -648,6 +677,17 @@ fn end(
     }
 }
 
+/// The name of a night becomes that of a folder.
+fn check_name(document: &Document, written: &PlanFile) -> Result<(), ParseError> {
+    let Some(name) = &written.name else { return Ok(()) };
+    let bad = |c: char| matches!(c, '/' | '\\' | ':') || c.is_control();
+    if name.trim().is_empty() || name.starts_with('.') || name.chars().any(bad) {
+        let expected = "a name for the session's folder, without / \\ : and no dot before it; where it is made is `output`";
+        return Err(document.error_at("name", expected));
+    }
+    Ok(())
+}
+
 /// Names that become files, addresses of the right kind, channels that are there.
 fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseError> {
     const NAMES: &str = "a name of its own out of letters, digits, - and _";
@@ -661,6 +701,7 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
     let wheels = written.wheels.iter().map(|d| ("wheel", &d.name, &d.device, &d.with));
     let rotators = written.rotators.iter().map(|d| ("rotator", &d.name, &d.device, &d.with));
     let mut index = BTreeMap::<&str, usize>::new();
+    let mut known: Vec<(&str, Address)> = Vec::new();
     for (table, name, address, options) in cameras.chain(counters).chain(wheels).chain(rotators) {
         let i = index.entry(table).or_insert(0);
         let key = format!("{table}[{i}]");
@@ -693,6 +734,18 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
         if parsed.driver.kind != kind {
             let expected = format!("a {kind}; this is a {}", parsed.driver.kind);
             return Err(document.error_at(&format!("{key}.device"), expected));
+        }
+        if let Some((first, _)) = known.iter().find(|(_, other)| parsed.is_same_device(other)) {
+            let expected = format!("a device of its own: {table} `{first}` is this one already");
+            return Err(document.error_at(&format!("{key}.device"), expected));
+        }
+        known.push((name, parsed));
+    }
+    for (i, wheel) in written.wheels.iter().enumerate() {
+        let mut filters = HashSet::new();
+        if let Some(twice) = wheel.filters.iter().find(|filter| !filters.insert(*filter)) {
+            let expected = format!("each name once: which slot is `{twice}`?");
+            return Err(document.error_at(&format!("wheel[{i}].filters"), expected));
         }
     }
     for (i, counter) in written.counters.iter().enumerate() {
@@ -967,7 +1020,7 @@ fn target(
     visit: &Visit,
     files: &mut Vec<(String, Vec<u8>)>,
     near: Epoch,
-    session: Option<&Session>,
+    source: Source<'_>,
 ) -> Result<Target, PlanError> {
     let error =
         |key: &str, expected: String| document.error_at(&format!("visit[{i}]{key}"), expected);
@@ -1001,14 +1054,17 @@ fn target(
             Off::Flat => TargetKind::Flat,
         })
     } else if let Some(path) = &visit.tle {
-        let path = match session {
+        let path = match source.session {
             Some(session) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 session.file(&format!("tle/{name}"))
             }
             None => document.resolve(path),
         };
-        let bytes = sunglint_formats::read::bytes(&path)?;
+        let bytes = match source.beside.iter().find(|(beside, _)| *beside == path) {
+            Some((_, bytes)) => bytes.clone(),
+            None => sunglint_formats::read::bytes(&path)?,
+        };
         let text = sunglint_formats::read::decode(&path, bytes.clone())?;
         let sets = elements::parse(&path, &text)?;
         let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near)).map_err(|source| {

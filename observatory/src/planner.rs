@@ -122,6 +122,14 @@ pub enum PlannerError {
     /// No pass to plan for.
     #[error("there is no pass to plan for: widen --from and --to, or what a pass must be")]
     NoPass,
+    /// Passes that are too short for a visit.
+    #[error("{label} lasts {length_s:.1} s, and a visit has {LEAST_PASS_S} s at least")]
+    Short {
+        /// The pass.
+        label: String,
+        /// The length, s.
+        length_s: f64,
+    },
     /// A choice that is none of the offers, or no star.
     #[error("{0}")]
     Unknown(String),
@@ -240,6 +248,8 @@ struct Planner<'a> {
 
 /// The golden section: multiples of it, without their whole parts, are spread as evenly as can be.
 const GOLDEN: f64 = 0.618_033_988_749_895;
+/// A shorter pass is left out, s: times of a plan are whole seconds, and a camera has to be set.
+pub const LEAST_PASS_S: f64 = 10.0;
 /// A star nearer to the Moon is not taken, degrees.
 pub const MOON_DEG: f64 = 15.0;
 /// A star in the brightest pixel or counter comes so near to saturation at most: seeing and focus change.
@@ -254,15 +264,25 @@ const BIAS_S: f64 = 0.01;
 
 impl Planner<'_> {
     fn plan(&mut self, offers: &[PassOffer]) -> Result<NightPlan, PlannerError> {
-        let mut by_light: Vec<&PassOffer> = offers.iter().collect();
+        let (mut by_light, short): (Vec<&PassOffer>, Vec<&PassOffer>) =
+            offers.iter().partition(|offer| whole_length_s(offer) >= LEAST_PASS_S);
         by_light.sort_by(|a, b| a.v_mag.total_cmp(&b.v_mag));
-        let brightest = by_light.first().ok_or(PlannerError::NoPass)?;
+        let brightest = match (by_light.first(), short.first()) {
+            (Some(brightest), _) => brightest,
+            (None, None) => return Err(PlannerError::NoPass),
+            (None, Some(short)) => return Err(too_short(short)),
+        };
         let holds = |night: &&(Epoch, Epoch), offer: &PassOffer| {
             offer.span.0 >= night.0 && offer.span.1 <= night.1
         };
         let night = self.around.dark.iter().find(|night| holds(night, brightest));
         let night = *night.ok_or(PlannerError::NoPass)?;
-        let mut left_out = Vec::new();
+        let too_short = |offer: &&PassOffer| {
+            let (label, at, s) =
+                (&offer.label, format_utc(offer.span.0, 0), seconds(offer.span.0, offer.span.1));
+            format!("{label} at {at}: it lasts {s:.1} s, less than {LEAST_PASS_S} s")
+        };
+        let mut left_out: Vec<String> = short.iter().map(too_short).collect();
         let mut passes: Vec<&PassOffer> = Vec::new();
         for offer in by_light {
             let out =
@@ -368,6 +388,9 @@ impl Planner<'_> {
                 }
             }
         }
+        if let Some(short) = passes.iter().find(|pass| whole_length_s(pass) < LEAST_PASS_S) {
+            return Err(too_short(short));
+        }
         let slew_s = self.options.slew_s;
         for pair in passes.windows(2) {
             let gap_s = seconds(pair[0].span.1, pair[1].span.0);
@@ -466,9 +489,7 @@ impl Planner<'_> {
     }
 
     fn pass(&self, pass: &PassOffer) -> PlannedVisit {
-        // Whole seconds within it.
-        let (begin, end) =
-            (whole(pass.span.0, |s| (s - 1e-6).ceil()), whole(pass.span.1, |s| (s + 1e-6).floor()));
+        let (begin, end) = whole_span(pass);
         let (from, to) = (format_utc(begin, 0), format_utc(end, 0));
         let mut lines = format!(
             "tle = \"{}\"\nobject = \"{}\"\nfrom = \"{from}\"\nto = \"{to}\"\n",
@@ -658,6 +679,22 @@ impl Planner<'_> {
         visits.push((to, self.off("bias", to, bias_s, &more)));
         Ok(())
     }
+}
+
+/// The whole seconds of UTC within a pass.
+fn whole_span(pass: &PassOffer) -> (Epoch, Epoch) {
+    let (from, to) = pass.span;
+    (whole(from, |s| (s - 1e-6).ceil()), whole(to, |s| (s + 1e-6).floor()))
+}
+
+fn whole_length_s(pass: &PassOffer) -> f64 {
+    let (from, to) = whole_span(pass);
+    seconds(from, to)
+}
+
+fn too_short(pass: &PassOffer) -> PlannerError {
+    let length_s = seconds(pass.span.0, pass.span.1);
+    PlannerError::Short { label: pass.label.clone(), length_s }
 }
 
 /// Whether a star with this note is no calibrator.

@@ -76,22 +76,26 @@ impl Pointing {
         header.set("DATE-AVG", middle.trim_end_matches('Z'), "middle of the exposure, UTC");
         header.set("MJD-OBS", start.to_mjd_utc_days(), "d, start of the exposure, UTC");
         header.set("MJD-AVG", utc.to_mjd_utc_days(), "d, middle of the exposure, UTC");
-        let planned_dark = target.is_some_and(|target| target.target_kind == TargetKind::Dark);
         let said = header.text("FRAME").or(told).map(|word| word.trim().to_ascii_lowercase());
         let kind = match said.as_deref() {
             Some("dark") => "Dark Frame",
             Some("bias") => "Bias Frame",
             Some("flat" | "flat field") => "Flat Field",
             Some("light") => "Light Frame",
-            _ if planned_dark => "Dark Frame",
-            _ => "Light Frame",
+            // A camera that knows no types takes what the plan asks for all the same.
+            _ => match target.map(|target| target.target_kind) {
+                Some(TargetKind::Dark) => "Dark Frame",
+                Some(TargetKind::Bias) => "Bias Frame",
+                Some(TargetKind::Flat) => "Flat Field",
+                _ => "Light Frame",
+            },
         };
         header.set("IMAGETYP", kind, "");
         let Some(target) = target else { return };
         header.set("OBJECT", target.name.as_str(), "target, as planned");
         let kind = serde_json::to_value(target.target_kind).ok();
         let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or("none").to_owned();
-        header.set("OBJTYPE", kind, "star, satellite, sky, dark or none");
+        header.set("OBJTYPE", kind, "star, satellite, sky, dark, bias, flat or none");
         let Some([azimuth, altitude, ra, dec]) = self.place(target, utc) else { return };
         let header = &mut frame.header;
         header.set("RADESYS", "ICRS", "axes of RA and DEC");
@@ -163,6 +167,43 @@ pub(crate) fn airmass(altitude_deg: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A camera that knows no types, and one that says its own. Truth: the plan's kinds, and the names that FITS files have for them (SBFITSEXT); a driver's word comes first.
+    #[test]
+    fn a_frames_type_is_the_drivers_or_the_plans() {
+        let station = Station::built_in("ufo").unwrap().unwrap();
+        let mut pointing = Pointing::new(station);
+        let utc = sunglint_formats::time::parse_utc("2026-11-21T18:00:00Z").unwrap();
+        let mut of = |kind, told: Option<&str>, said: Option<&str>| {
+            let mut frame = Frame {
+                pixels: ndarray::Array2::zeros((2, 2)),
+                origin: [0, 0],
+                binning: [1, 1],
+                bayer: None,
+                start: utc,
+                exposure_s: 1.0,
+                gain_e_per_adu: None,
+                temperature_c: None,
+                saturation_adu: None,
+                header: sunglint_formats::fits::Header::default(),
+            };
+            if let Some(said) = said {
+                frame.header.set("FRAME", said, "");
+            }
+            pointing.describe(Some(&Target::off(kind)), utc, told, &mut frame);
+            frame.header.text("IMAGETYP").unwrap().to_owned()
+        };
+        for (kind, expected) in [
+            (TargetKind::Sky, "Light Frame"),
+            (TargetKind::Dark, "Dark Frame"),
+            (TargetKind::Bias, "Bias Frame"),
+            (TargetKind::Flat, "Flat Field"),
+        ] {
+            assert_eq!(of(kind, None, None), expected);
+        }
+        assert_eq!(of(TargetKind::Bias, Some("bias"), Some("Light")), "Light Frame");
+        assert_eq!(of(TargetKind::Sky, Some("dark"), None), "Dark Frame");
+    }
 
     /// Truth: the published formula, worked out by hand with logarithms to five figures.
     #[test]

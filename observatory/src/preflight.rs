@@ -26,7 +26,7 @@ use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::elements;
 use sunglint_formats::session::{ClockState, TargetKind};
 use sunglint_formats::time::format_utc;
-use sunglint_formats::toml::Positive;
+use sunglint_formats::toml::{Finite, Positive};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, separation_rad};
@@ -164,6 +164,7 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
     check_mount(plan, opener, options, &mut found);
     check_saturation(plan, options, &mut found);
     check_channels(plan, &mut found);
+    check_calibration(plan, &mut found);
     let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));
     check_room(plan, &sensors, options, &mut found);
     found
@@ -608,6 +609,94 @@ fn check_channels(plan: &Plan, found: &mut Preflight) {
     }
 }
 
+/// A longer bias frame holds dark current, s.
+const BIAS_S: f64 = 1.0;
+/// A flat above this part of the camera's range is worth a word.
+const FLAT_PART: f64 = 0.9;
+/// The largest count of a frame.
+const MOST_ADU: f64 = 65_535.0;
+/// A pulse has at most so many volts, about.
+const TRIGGER_V: f64 = 5.0;
+
+/// How calibration frames must be like others: exposure (s; of bias frames none), gain, window and binning.
+type Like = (Option<f64>, Option<f64>, Option<[u32; 4]>, u32);
+
+/// Dark frames, bias frames and flats: whether they fit what they are for.
+fn check_calibration(plan: &Plan, found: &mut Preflight) {
+    for camera in &plan.cameras {
+        let name = camera.name.as_str();
+        let (mut lights, mut darks, mut told): (Vec<Like>, Vec<Like>, Vec<String>) =
+            Default::default();
+        for slot in plan.schedule.slots() {
+            let kind = slot.target.target_kind;
+            let set = Exposing::of(camera, Some(kind), slot.step.as_deref());
+            let exposure_s = set.plan.exposure_s.get();
+            let gain = set.plan.gain.map(Finite::get);
+            let like =
+                |exposure_s| (exposure_s, gain, set.plan.window_px, set.plan.binning.unwrap_or(1));
+            match kind {
+                TargetKind::Star | TargetKind::Satellite => lights.push(like(Some(exposure_s))),
+                TargetKind::Dark => darks.push(like(Some(exposure_s))),
+                TargetKind::Bias => darks.push(like(None)),
+                _ => {}
+            }
+            let mut tell = |level, text: String| {
+                if !told.contains(&text) {
+                    told.push(text.clone());
+                    found.find(level, name, text);
+                }
+            };
+            if kind == TargetKind::Bias && exposure_s > BIAS_S {
+                let text = format!(
+                    "its bias frames are {exposure_s} s long, and hold dark current: take the camera's shortest exposure"
+                );
+                tell(Level::Warning, text);
+            }
+            if let Some(level) = set.level_adu {
+                let end = plan.station.camera.as_ref().map(|camera| camera.saturation_adu());
+                let end = end.unwrap_or(MOST_ADU).min(MOST_ADU);
+                if level > MOST_ADU {
+                    let text = format!(
+                        "level_adu is {level}, and no frame has more than {MOST_ADU} ADU: its flats would never count"
+                    );
+                    tell(Level::Error, text);
+                } else if level > FLAT_PART * end {
+                    let text = format!(
+                        "level_adu is {level}, and its pixels are full at {end:.0} ADU: take half of that"
+                    );
+                    tell(Level::Warning, text);
+                }
+            }
+        }
+        let fits = |light: &Like, dark: &Like| {
+            let exposure = match (light.0, dark.0) {
+                (Some(light), Some(dark)) => (light - dark).abs() <= 0.01 * dark,
+                _ => true,
+            };
+            exposure && (light.1, light.2, light.3) == (dark.1, dark.2, dark.3)
+        };
+        let mut missing: Vec<String> = lights
+            .iter()
+            .filter(|light| !darks.iter().any(|dark| fits(light, dark)))
+            .map(|(exposure_s, gain, _, binning)| {
+                let gain = gain.map_or(String::new(), |gain| format!(", gain {gain}"));
+                format!("{} s{gain}, binning {binning}", exposure_s.unwrap_or(0.0))
+            })
+            .collect();
+        missing.dedup();
+        if !missing.is_empty() {
+            missing.truncate(4);
+            found.warning(
+                name,
+                format!(
+                    "no dark or bias frames are planned like its exposures of targets ({}): without a library (`reduce --library`) nothing is subtracted from them",
+                    missing.join("; ")
+                ),
+            );
+        }
+    }
+}
+
 /// Answer of a device about itself.
 enum Said {
     Camera { sensor_px: [u32; 2], limits: Option<Limits> },
@@ -747,7 +836,9 @@ fn not_there(
     found: &mut Preflight,
 ) {
     match said {
-        Some(Err(error)) if error.is_permanent_setting() => found.error(name, error.to_string()),
+        Some(Err(error)) if error.is_permanent_setting() && !error.is_not_served() => {
+            found.error(name, error.to_string());
+        }
         Some(Err(error)) => {
             let text = format!("{error}; the night tries it again and again");
             found.warning(name, text);
@@ -797,6 +888,12 @@ fn check_camera(
                 );
                 found.error(name, text);
             }
+            if first % binning.max(1) != 0 {
+                let text = format!(
+                    "window_px begins at {first} of the {what}, which is no multiple of the binning, {binning}"
+                );
+                found.error(name, text);
+            }
         }
     }
     if let Some(limits) = limits {
@@ -841,7 +938,7 @@ fn check_camera(
     }
 }
 
-/// What each step asks of a camera, each difference once.
+/// The settings that the steps ask of a camera, each difference once.
 fn check_steps(
     camera: &CameraPlan,
     plan: &Plan,
@@ -927,6 +1024,24 @@ fn check_counter(plan: &CounterPlan, known: &[String], tags: bool, found: &mut P
             found.error(name, text);
         }
     }
+    for (channel, level) in &plan.trigger_level_v {
+        if level.get().abs() > TRIGGER_V {
+            let text = format!(
+                "trigger_level_v of `{channel}` is {} V: pulses have less than {TRIGGER_V} V",
+                level.get()
+            );
+            found.warning(name, text);
+        }
+    }
+    for (channel, dead_ps) in &plan.dead_time_ps {
+        let (dead_s, bin_s) = (1e-12 * *dead_ps as f64, plan.bin_s.get());
+        if dead_s < 0.0 || dead_s >= bin_s {
+            let text = format!(
+                "dead_time_ps of `{channel}` is {dead_ps} ({dead_s} s), expected 0 to less than a bin, {bin_s} s"
+            );
+            found.error(name, text);
+        }
+    }
     if plan.raw_tags && !tags {
         found.error(name, "it hands over no time tags: leave out `raw_tags`");
     }
@@ -944,32 +1059,65 @@ fn existing(path: &Path) -> Option<PathBuf> {
         .map(Path::to_path_buf)
 }
 
-/// Bytes a second that the plan's devices give; raw tags are not among them.
-fn bytes_per_s(plan: &Plan, sensors: &[(String, [u32; 2])]) -> Option<f64> {
-    let mut sum = 0.0;
-    let settings = |camera: &CameraPlan| {
-        let step = |slot: &Slot| Exposing::of(camera, None, slot.step.as_deref()).plan;
-        let mut all: Vec<CameraPlan> = plan.schedule.slots().iter().map(step).collect();
-        all.push(camera.clone());
-        all
-    };
-    let rate = |camera: &CameraPlan| -> Option<f64> {
-        let binning = f64::from(camera.binning.unwrap_or(1).max(1));
-        let size = camera.window_px.map(|[_, _, columns, rows]| [columns, rows]).or_else(|| {
-            sensors.iter().find(|(name, _)| *name == camera.name).map(|(_, size)| *size)
-        })?;
-        let pixels = f64::from(size[0]) * f64::from(size[1]) / (binning * binning);
-        let every_s = camera.interval_s.map_or(camera.exposure_s.get(), Positive::get);
-        Some((2.0 * pixels + FRAME_BYTES) / every_s.max(0.01))
-    };
-    // As much as the most demanding of its settings gives, for all of the night.
-    for camera in &plan.cameras {
-        let rates = settings(camera).iter().map(rate).collect::<Option<Vec<f64>>>()?;
-        sum += rates.into_iter().fold(0.0, f64::max);
-    }
-    for counter in &plan.counters {
-        let row = ROW_BYTES + 2.0 * COLUMN_BYTES * counter.channels.len() as f64;
-        sum += row / counter.bin_s.get();
+/// Bytes that a camera reads out in a second at most, and the least time for it, s: a fast camera, so that more frames than that do not come.
+const FAST_BYTES_S: f64 = 4e8;
+const FAST_S: f64 = 0.01;
+/// Readout of a slow camera, s.
+const SLOW_S: f64 = 2.0;
+/// Flats that follow the light are more than those that count, at most so many times.
+const FLATS: f64 = 4.0;
+
+/// Bytes of the devices, least and most; raw tags are not among them.
+type Bytes = [f64; 2];
+
+/// Bytes of a frame as a camera is set; `None` where the sensor's size is not known.
+fn frame_bytes(camera: &CameraPlan, sensors: &[(String, [u32; 2])]) -> Option<f64> {
+    let binning = f64::from(camera.binning.unwrap_or(1).max(1));
+    let size = camera
+        .window_px
+        .map(|[_, _, columns, rows]| [columns, rows])
+        .or_else(|| sensors.iter().find(|(name, _)| *name == camera.name).map(|(_, size)| *size))?;
+    let pixels = f64::from(size[0]) * f64::from(size[1]) / (binning * binning);
+    Some(2.0 * pixels + FRAME_BYTES)
+}
+
+/// Bytes a second of a camera that takes frames without a number, least and most.
+fn camera_bytes_s(set: &CameraPlan, frame: f64) -> Bytes {
+    [SLOW_S, FAST_S + frame / FAST_BYTES_S].map(|readout_s| {
+        let frame_s = set.exposure_s.get() + readout_s;
+        frame / set.interval_s.map_or(frame_s, |interval| interval.get().max(frame_s))
+    })
+}
+
+/// Bytes that a camera gives between two times, slot by slot. A step with a number of frames is over with them: what it leaves is time for the next that has none.
+fn camera_bytes(
+    camera: &CameraPlan,
+    plan: &Plan,
+    sensors: &[(String, [u32; 2])],
+    (from, to): (Epoch, Epoch),
+) -> Option<Bytes> {
+    let mut times: Vec<Epoch> = plan.schedule.slots().iter().map(|slot| slot.from).collect();
+    times.retain(|time| *time > from && *time < to);
+    times.insert(0, from);
+    times.push(to);
+    let mut sum = [0.0; 2];
+    // Time that steps left, by the least and the most.
+    let mut left_s = [0.0; 2];
+    for pair in times.windows(2) {
+        let set = plan.schedule.exposing(camera, pair[0]);
+        let frame = frame_bytes(&set.plan, sensors)?;
+        let bytes_s = camera_bytes_s(&set.plan, frame);
+        let length_s = seconds(pair[0], pair[1]).max(0.0);
+        for (i, rate) in bytes_s.into_iter().enumerate() {
+            let Some(frames) = set.frames.map(f64::from) else {
+                sum[i] += rate * (length_s + std::mem::take(&mut left_s[i]));
+                continue;
+            };
+            let more = if set.level_adu.is_some() && i == 1 { FLATS } else { 1.0 };
+            let bytes = (frame * frames * more).min(rate * length_s);
+            sum[i] += bytes;
+            left_s[i] += length_s - bytes / rate;
+        }
     }
     Some(sum)
 }
@@ -981,26 +1129,49 @@ fn check_room(
     found: &mut Preflight,
 ) {
     let folder = options.folder.as_deref().unwrap_or(&plan.output);
-    let Some(rate) = bytes_per_s(plan, sensors) else { return };
     let Some(free) = existing(folder).and_then(|folder| free_bytes(&folder)) else { return };
     let free = free as f64;
+    let rows_s: f64 = plan
+        .counters
+        .iter()
+        .map(|counter| {
+            let row = ROW_BYTES + 2.0 * COLUMN_BYTES * counter.channels.len() as f64;
+            row / counter.bin_s.get()
+        })
+        .sum();
     let tags = if plan.counters.iter().any(|counter| counter.raw_tags) {
         "; raw tags come on top, 16 bytes a photon"
     } else {
         ""
     };
+    let from = if plan.clock != NightClock::Computer { plan.from } else { options.now };
     let Some(to) = plan.to else {
+        // As the cameras are set after the last visit that has an end.
+        let last = plan.schedule.slots().last().map_or(from, |slot| slot.from.max(from));
+        let mut rate = rows_s;
+        for camera in &plan.cameras {
+            let set = plan.schedule.exposing(camera, last).plan;
+            let Some(frame) = frame_bytes(&set, sensors) else { return };
+            rate += camera_bytes_s(&set, frame)[1];
+        }
         let hours = free / rate.max(1e-9) / 3600.0;
-        found.fine("disk", format!("room for {hours:.0} h at {:.2} MB/s{tags}", 1e-6 * rate));
+        found.fine("disk", format!("room for {hours:.0} h at up to {:.2} MB/s{tags}", 1e-6 * rate));
         return;
     };
-    let from = if plan.clock != NightClock::Computer { plan.from } else { options.now };
-    let bytes = rate * seconds(from, to).max(0.0);
-    let [need, room] = [bytes, free].map(|bytes| format!("{:.3} GB", 1e-9 * bytes));
-    let text = format!("the night takes up to {need}, {room} are free{tags}");
-    if bytes > free {
+    let rows = rows_s * seconds(from, to).max(0.0);
+    let mut bytes = [rows; 2];
+    for camera in &plan.cameras {
+        let Some(own) = camera_bytes(camera, plan, sensors, (from, to)) else { return };
+        bytes = [0, 1].map(|i| bytes[i] + own[i]);
+    }
+    let [least, most, room] =
+        [bytes[0], bytes[1], free].map(|bytes| format!("{:.3}", 1e-9 * bytes));
+    let text = format!(
+        "the night takes {least} to {most} GB, as fast as its cameras read out (2 s or next to nothing); {room} GB are free{tags}"
+    );
+    if bytes[0] > free {
         found.error("disk", text);
-    } else if bytes > ROOM * free {
+    } else if bytes[1] > ROOM * free {
         found.warning("disk", text);
     } else {
         found.fine("disk", text);
@@ -1082,6 +1253,83 @@ mod tests {
             };
             assert!(named(level), "{name}: {found:?}");
         }
+    }
+
+    /// Truth: by hand: each of these plans has one fault that the devices, or the frames, would show too late; its words name it. The sensor has 160 × 120 px.
+    #[test]
+    fn faults_that_a_night_would_show_too_late_are_named() {
+        let late = "2026-11-23T20:10:00Z";
+        let star = visit("star = \"Capella\"", late);
+        let off = |keys: &str| format!("{star}[[visit]]\n{keys}\n");
+        let binned = format!("{DEVICES}binning = 2\nwindow_px = [11, 10, 60, 60]\n");
+        let plain = format!("{DEVICES}binning = 2\nwindow_px = [10, 10, 60, 60]\n");
+        let step = off(
+            "off = \"bias\"\nexposure_s = 0.001\nfor_s = 9\nbinning = 2\nwindow_px = [11, 10, 60, 60]",
+        );
+        let tagger = |keys: &str| {
+            format!(
+                "[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = {{ spcm = 1 }}\nbin_s = 0.1\n{keys}\n"
+            )
+        };
+        let level = |adu: u32| off(&format!("off = \"flat\"\nfor_s = 60\nlevel_adu = {adu}"));
+        let (bad, worse) = (Level::Warning, Level::Error);
+        let cases: [(&str, String, String, Level, &str); 9] = [
+            ("odd", binned, star.clone(), worse, "no multiple of the binning"),
+            ("odd-step", DEVICES.into(), step, worse, "no multiple of the binning"),
+            ("flat", DEVICES.into(), level(70_000), worse, "no frame has more than 65535"),
+            ("bright", DEVICES.into(), level(65_000), bad, "its pixels are full"),
+            (
+                "bias",
+                DEVICES.into(),
+                off("off = \"bias\"\nexposure_s = 10\nfor_s = 60"),
+                bad,
+                "hold dark current",
+            ),
+            ("darkless", DEVICES.into(), star.clone(), bad, "no dark or bias frames are planned"),
+            (
+                "other",
+                DEVICES.into(),
+                off("off = \"dark\"\nexposure_s = 5\nfor_s = 60"),
+                bad,
+                "(0.3 s, binning 1)",
+            ),
+            (
+                "dead",
+                tagger("dead_time_ps = { spcm = 1_000_000_000_000_000 }"),
+                star.clone(),
+                worse,
+                "less than a bin",
+            ),
+            ("trigger", tagger("trigger_level_v = { spcm = 50 }"), star.clone(), bad, "50 V"),
+        ];
+        for (name, devices, visits, level, expected) in cases {
+            let found = findings(name, NIGHT, &devices, &visits);
+            let named = found.of(level).any(|finding| finding.text.contains(expected));
+            assert!(named, "{name}: {found:?}");
+        }
+        // What fits raises none of them.
+        let dark = off("off = \"dark\"\nfor_s = 60");
+        let found = findings("fits", NIGHT, &plain, &dark);
+        let quiet = ["multiple", "dark or bias"];
+        let said = found.findings.iter().any(|f| quiet.iter().any(|word| f.text.contains(word)));
+        assert!(!said, "{found:?}");
+    }
+
+    /// Truth: by hand: 200 bias frames of 160 × 120 px, 16 bits and a header of two blocks are 8.8 MB, and no more however short they are; after them the camera takes a frame of
+    /// 0.3 s each 0.31 to 2.3 s for the rest of three hours.
+    #[test]
+    fn the_forecast_counts_what_each_step_takes() {
+        let bias = "[[visit]]\noff = \"bias\"\nexposure_s = 0.001\nframes = 200\nfrom = \"2026-11-23T20:10:00Z\"\nto = \"2026-11-23T23:00:00Z\"\n";
+        let found = findings("forecast", NIGHT, DEVICES, bias);
+        let disk = found.findings.iter().find(|finding| finding.about == "disk").unwrap();
+        let frame = 160.0 * 120.0 * 2.0 + FRAME_BYTES;
+        // From 20:00, the time of the check, to the step the camera is set as for it, and takes frames without a number.
+        let before_s = 600.0;
+        let [least, most] = [SLOW_S, FAST_S + frame / FAST_BYTES_S]
+            .map(|readout_s| 1e-9 * frame * (200.0 + before_s / (0.001 + readout_s)));
+        let text = format!("the night takes {least:.3} to {most:.3} GB");
+        assert!(disk.text.contains(&text), "{text}: {}", disk.text);
+        assert_ne!(disk.level, Level::Error);
     }
 
     /// Truth: stars that culminate high at Stuttgart on a November night (right ascension 1 h to 7 h, declination above 10°), in the dark.

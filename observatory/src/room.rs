@@ -19,7 +19,7 @@ const MARGIN: f64 = 1.2;
 /// A night without an end is thought to go on for so long, s.
 const OPEN_S: f64 = 3600.0;
 
-/// What is to be written.
+/// The data to be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bulk {
     /// A frame.

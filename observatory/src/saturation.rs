@@ -1,4 +1,4 @@
-//! What a star saturates: a counter by its law, a camera by its brightest pixel.
+//! The detector that a star saturates: a counter by its law, a camera by its brightest pixel.
 
 use super::plan::CounterPlan;
 use super::sequence::Exposing;

@@ -1,4 +1,4 @@
-//! What a visit asks of cameras, wheels and rotators in place of what the plan says of the devices.
+//! Settings that a visit asks of cameras, wheels and rotators in place of what the plan says of the devices.
 
 use super::plan::CameraPlan;
 use serde::Deserialize;

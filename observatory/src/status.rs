@@ -8,6 +8,8 @@ use sunglint_drivers::clock::DeviceClock;
 use sunglint_formats::session::Trouble as DiskFault;
 use sunglint_formats::{CountRecord, Frame};
 
+/// Steps without a frame that are named at most.
+const EMPTY: usize = 20;
 /// Over how long rates are averaged, ps.
 const WINDOW_PS: i64 = 1_000_000_000_000;
 
@@ -105,6 +107,7 @@ struct Shared {
     messages: Vec<String>,
     lost: u64,
     unwritable: u64,
+    empty: Vec<String>,
 }
 
 /// Status of a night, which all threads write into.
@@ -234,6 +237,15 @@ impl Status {
         refused
     }
 
+    /// No frame of a step counts.
+    pub fn empty_step(&self, step: String) {
+        let mut shared = self.shared();
+        // A night may have thousands of steps.
+        if shared.empty.len() < EMPTY {
+            shared.empty.push(step);
+        }
+    }
+
     /// Adds a message for the next snapshot.
     pub fn say(&self, message: String) {
         self.shared().messages.push(message);
@@ -251,6 +263,7 @@ impl Status {
             disk_error: shared.disk_error.clone(),
             missing: shared.lost + shared.unwritable,
             messages: std::mem::take(&mut shared.messages),
+            empty: shared.empty.clone(),
         }
     }
 }
@@ -272,6 +285,8 @@ pub struct Snapshot {
     pub missing: u64,
     /// Messages since the last snapshot.
     pub messages: Vec<String>,
+    /// Steps of which no frame counts.
+    pub empty: Vec<String>,
 }
 
 impl LastFrame {

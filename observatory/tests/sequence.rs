@@ -4,10 +4,17 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use sunglint_drivers::clock::Cancel;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{
+    Camera, Device, DeviceError, FilterWheel, Identity, Limits, PhotonCounter, Setting, Value,
+    Window,
+};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{Session, TargetKind, What};
-use sunglint_observatory::{Catalogue, Level, Night, Plan, PreflightOptions, Summary, preflight};
+use sunglint_observatory::{
+    CameraPlan, Catalogue, CounterPlan, Level, Night, Opener, Plan, PreflightOptions, Summary,
+    WheelPlan, preflight,
+};
 
 const CAMERA: &str =
     "[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.05\ngain = 50\n";
@@ -28,9 +35,13 @@ fn plan(folder: &Path, text: &str) -> Result<Plan, String> {
 }
 
 fn run(folder: &Path, text: &str) -> (Summary, Session) {
+    run_with(folder, text, Arc::new(Catalogue))
+}
+
+fn run_with(folder: &Path, text: &str, opener: Arc<dyn Opener>) -> (Summary, Session) {
     let plan = plan(folder, text).unwrap();
     let root = folder.join("session");
-    let night = Night::planned(plan, Arc::new(Catalogue), Some(&root), "a test");
+    let night = Night::planned(plan, opener, Some(&root), "a test");
     let summary = night.run(&Cancel::new(), &mut |_| ()).unwrap();
     (summary, Session::open(&root).unwrap())
 }
@@ -98,7 +109,10 @@ fn what_a_step_cannot_have_is_said() {
     let folder = folder("barred");
     let visits = "[[visit]]\nstar = \"Vega\"\ngain = 1000\nfor_s = 1\n\
                   [[visit]]\nstar = \"Deneb\"\nframes = 30\nexposure_s = 0.2\nfor_s = 2\n";
-    let (_, session) = run(&folder, &format!("{CAMERA}{visits}"));
+    let (summary, session) = run(&folder, &format!("{CAMERA}{visits}"));
+    // A step without a frame is no good end.
+    let missing = summary.check().unwrap_err().to_string();
+    assert!(missing.contains("no frames in step 1"), "{missing}");
     let frames = frames(&session);
     assert!(!frames.is_empty());
     for frame in &frames {
@@ -160,6 +174,23 @@ fn impossible_sequences_are_refused() {
         (CAMERA.to_owned(), visit("for_s = 10\ncamera.cat.gain = 3"), "names of cameras"),
         (CAMERA.to_owned(), "[[visit]]\noff = \"bias\"\nfor_s = 10\n".into(), "shortest exposure"),
         (
+            format!("{CAMERA}{WHEEL}filters = [\"B\", \"V\", \"B\"]\n"),
+            visit("for_s = 10"),
+            "each name once",
+        ),
+        (format!("name = \"../../evil\"\n{CAMERA}"), visit("for_s = 10"), "session's folder"),
+        (
+            ["cam", "guide"]
+                .map(|name| {
+                    CAMERA
+                        .replace("\"cam\"", &format!("\"{name}\""))
+                        .replace("sim-camera", "indi-camera:localhost/CCD Simulator")
+                })
+                .concat(),
+            visit("for_s = 10"),
+            "camera `cam` is this one already",
+        ),
+        (
             format!("{CAMERA}{WHEEL}filters = [\"B\", \"V\"]\n"),
             visit("for_s = 10\nfilter = \"R\""),
             "it has B, V",
@@ -180,4 +211,119 @@ fn impossible_sequences_are_refused() {
     );
     assert!(errors.iter().any(|e| e.contains("gain is 1000")), "{errors:?}");
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// The catalogue's devices, with a camera whose computer's clock is ahead.
+#[derive(Debug)]
+struct Ahead(f64);
+
+impl Opener for Ahead {
+    fn clock(&self, device: &str) -> DeviceClock {
+        Catalogue.clock(device)
+    }
+    fn camera(&self, plan: &CameraPlan, d: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {
+        Ok(Box::new(AheadCamera { camera: Catalogue.camera(plan, d)?, ahead_s: self.0 }))
+    }
+    fn counter(
+        &self,
+        plan: &CounterPlan,
+        d: &Deadline,
+    ) -> Result<Box<dyn PhotonCounter>, DeviceError> {
+        Catalogue.counter(plan, d)
+    }
+    fn wheel(&self, plan: &WheelPlan, d: &Deadline) -> Result<Box<dyn FilterWheel>, DeviceError> {
+        Catalogue.wheel(plan, d)
+    }
+}
+
+struct AheadCamera {
+    camera: Box<dyn Camera>,
+    ahead_s: f64,
+}
+
+impl Device for AheadCamera {
+    fn identity(&mut self, d: &Deadline) -> Result<Identity, DeviceError> {
+        self.camera.identity(d)
+    }
+    fn settings(&mut self, d: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        self.camera.settings(d)
+    }
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        self.camera.own_settings()
+    }
+    fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
+        self.camera.set_own(name, value, d)
+    }
+}
+
+impl Camera for AheadCamera {
+    fn limits(&self) -> Option<Limits> {
+        self.camera.limits()
+    }
+    fn sensor_px(&self) -> [u32; 2] {
+        self.camera.sensor_px()
+    }
+    fn set_window(&mut self, window: Window, d: &Deadline) -> Result<Window, DeviceError> {
+        self.camera.set_window(window, d)
+    }
+    fn set_gain(&mut self, gain: f64, d: &Deadline) -> Result<f64, DeviceError> {
+        self.camera.set_gain(gain, d)
+    }
+    fn set_temperature_c(&mut self, celsius: f64, d: &Deadline) -> Result<f64, DeviceError> {
+        self.camera.set_temperature_c(celsius, d)
+    }
+    fn expose(&mut self, exposure_s: f64, d: &Deadline) -> Result<Frame, DeviceError> {
+        let mut frame = self.camera.expose(exposure_s, d)?;
+        frame.start += hifitime::Duration::from_seconds(self.ahead_s);
+        frame.header.set("HOSTDIFF", self.ahead_s, "synthetic");
+        Ok(frame)
+    }
+}
+
+/// A camera's computer that is 12 s ahead: each frame belongs to the visit in which it was asked for. Truth: the type that the camera was told, which its driver writes. The log says that the clock is
+/// wrong, once.
+#[test]
+fn a_frame_belongs_to_the_visit_in_which_it_was_asked_for() {
+    let folder = folder("ahead");
+    let visits = "[[visit]]\noff = \"sky\"\nfor_s = 3\n[[visit]]\noff = \"dark\"\nfor_s = 3\n";
+    let text = format!("{CAMERA}interval_s = 0.2\n{visits}");
+    let (_, session) = run_with(&folder, &text, Arc::new(Ahead(12.0)));
+    let frames = frames(&session);
+    let of = |name: &str| frames.iter().filter(|frame| text_of(frame, "OBJECT") == name).count();
+    assert!(of("sky") >= 3 && of("dark") >= 3, "{} of {}", of("sky"), frames.len());
+    for frame in &frames {
+        let expected = if text_of(frame, "OBJECT") == "sky" { "Light" } else { "Dark" };
+        assert_eq!(text_of(frame, "FRAME"), expected);
+        assert!(text_of(frame, "IMAGETYP").starts_with(expected));
+    }
+    let told = session.events().unwrap().filter(|event| {
+        matches!(&event.as_ref().unwrap().what, What::Error { error, .. } if error.contains("+12.0 s"))
+    });
+    assert_eq!(told.count(), 1);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+fn text_of(frame: &Frame, key: &str) -> String {
+    text(frame, key).to_owned()
+}
+
+/// Dark frames of a sensor that the simulated cooler brings from 20 °C to what is asked, two seconds later. Truth: by hand: where the visit has time all of them are cold; where it has none they are taken
+/// all the same, and that is said.
+#[test]
+fn dark_frames_wait_for_the_cooler_as_long_as_they_can() {
+    for (for_s, expected_c) in [(30.0, -10.0), (1.0, 20.0)] {
+        let folder = folder(&format!("cooler{for_s}"));
+        let visits = format!("[[visit]]\noff = \"dark\"\nframes = 3\nfor_s = {for_s}\n");
+        let (summary, session) = run(&folder, &format!("{CAMERA}temperature_c = -10\n{visits}"));
+        summary.check().unwrap();
+        let frames = frames(&session);
+        let warm: Vec<Option<f64>> = frames.iter().map(|frame| frame.temperature_c).collect();
+        assert_eq!(warm.first(), Some(&Some(expected_c)), "{warm:?}");
+        assert!(expected_c > 0.0 || warm == [Some(-10.0); 3], "{warm:?}");
+        let said = session.events().unwrap().filter(|event| {
+            matches!(&event.as_ref().unwrap().what, What::Error { error, .. } if error.contains("taken all the same"))
+        });
+        assert_eq!(said.count(), usize::from(expected_c > 0.0));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

@@ -3,6 +3,7 @@
 mod focus;
 mod goto;
 mod mounting;
+mod planner;
 mod safety;
 mod sequence;
 mod shadow;

@@ -297,12 +297,14 @@ impl PlanDesk {
         for (i, path) in [elements, path].into_iter().enumerate() {
             self.may_write(path, written.as_ref().map(|texts| texts[i].as_str()))?;
         }
+        let beside = [(elements.clone(), sets.clone().into_bytes())];
+        let read = Plan::of_text(path, &text, &beside)
+            .map_err(|error| Answer::error(422, &format!("nothing is written: {error}")))?;
         for (path, text) in [(elements, sets), (path, &text)] {
             write_file(path, text.as_bytes(), Overwrite::Allow)
                 .map_err(|error| Answer::error(409, &error.to_string()))?;
         }
         *written = Some([sets.clone(), text]);
-        let read = Plan::read(path).map_err(|error| Answer::error(422, &error.to_string()))?;
         let mut options = PreflightOptions::default();
         options.open_devices = false;
         options.now = options.now.min(read.from);

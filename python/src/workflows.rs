@@ -23,10 +23,11 @@ use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_ti
 use sunglint_inference::fit::{FitOptions, FreeParameter, fit};
 use sunglint_inference::measured::joined;
 use sunglint_radiometry::air::{Air, AirOptions};
-use sunglint_radiometry::light_curve::published::{MagnitudeKind, MagnitudeOptions};
+use sunglint_radiometry::light_curve::published::{MagnitudeKind, MagnitudeOptions, ObjectRows};
 use sunglint_radiometry::station::Station;
+use sunglint_report::simulate::{Gathered, SimulationReport};
 use sunglint_report::{Product, explain, folder, import, period};
-use sunglint_simulator::pass::{Overrides, Pass, PassFile, Stopwatch};
+use sunglint_simulator::pass::{Overrides, Pass, PassFile, Piece, Stopwatch};
 use sunglint_study::run::Part;
 use sunglint_study::{Stations, Study};
 
@@ -119,7 +120,8 @@ fn scale(name: Option<&str>) -> Result<Option<Scale>, Failure> {
         Some("tai") => Some(Scale::Tai),
         Some("tt") => Some(Scale::Tt),
         Some("tdb") => Some(Scale::Tdb),
-        Some(other) => return Err(unknown("time_scale", other, "utc, tai, tt or tdb")),
+        Some("gps") => Some(Scale::Gps),
+        Some(other) => return Err(unknown("time_scale", other, "utc, tai, tt, tdb or gps")),
     })
 }
 
@@ -165,7 +167,12 @@ impl Reading {
     pub fn options(&self) -> Result<MagnitudeOptions, Failure> {
         let mut columns = self.names()?;
         columns.sigma = None;
-        Ok(MagnitudeOptions { columns, kind: self.kind()?, sigma_mag: self.sigma_mag })
+        Ok(MagnitudeOptions {
+            columns,
+            kind: self.kind()?,
+            sigma_mag: self.sigma_mag,
+            rows: ObjectRows::One,
+        })
     }
 }
 
@@ -209,14 +216,17 @@ fn simulate(
         warnings.extend(pass.concerns_of_times());
         let material =
             simulation.material_doubt(&|_| {}).map_err(|e| format!("{}: {e}", scene.display()))?;
-        let report = sunglint_report::simulate::SimulationReport {
-            polarisation: None,
-            simulation: &simulation,
-            material,
+        let piece = Piece { simulation: &simulation, material, polarisation: None };
+        let mut gathered = Gathered::new(&pass);
+        gathered.add(&piece);
+        let report = SimulationReport {
+            gathered: &gathered,
+            polarised: false,
+            bounds: simulation.bounds,
             cost: clock.cost(),
             warnings: &warnings,
         };
-        let (product, text) = (report.product()?, report.text());
+        let (product, text) = (report.whole_product(&piece)?, report.text());
         Ok(Outcome::new(product, text, warnings.clone()))
     })
 }
@@ -482,7 +492,7 @@ fn read_photometry<'py>(
 
 /// Points and streaks of a frame.
 #[pyfunction]
-#[pyo3(signature = (pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, is_mosaic=false))]
+#[pyo3(signature = (pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, bayer=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn detect(
     py: Python<'_>,
@@ -494,7 +504,7 @@ fn detect(
     aperture_px: Option<f64>,
     saturation_adu: Option<f64>,
     gain_e_per_adu: Option<f64>,
-    is_mosaic: bool,
+    bayer: Option<String>,
 ) -> PyResult<String> {
     let mut options = FieldOptions::default();
     options.fwhm_px = fwhm_px;
@@ -504,10 +514,16 @@ fn detect(
     options.aperture_px = aperture_px;
     options.saturation_adu = saturation_adu;
     options.gain_e_per_adu = gain_e_per_adu;
-    options.is_mosaic = is_mosaic;
     // The array is the caller's, and its pages may change under another thread: one copy.
     let own = pixels.as_array().to_owned();
-    run(py, None, move |_| Ok(serde_json::to_string(&find(own.view(), &options)?)?))
+    run(py, None, move |_| {
+        if let Some(name) = &bayer {
+            let pattern = sunglint_formats::Bayer::from_name(name);
+            let none = || unknown("bayer", name, "RGGB, GRBG, GBRG or BGGR");
+            options.bayer = Some(pattern.ok_or_else(none)?);
+        }
+        Ok(serde_json::to_string(&find(own.view(), &options)?)?)
+    })
 }
 
 /// Light within apertures at places of a frame that are given: columns of numbers, one for each place.

@@ -1278,7 +1278,7 @@ class Field:
         return f"<sunglint.Field: {len(self.points)} points, {len(self.streaks)} streaks>"
 
 
-def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, is_mosaic=False):
+def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, bayer=None):
     """Finds points and streaks in a frame.
 
     Parameters
@@ -1296,8 +1296,8 @@ def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_p
     aperture_px : float, optional
         Radius of the aperture of points; 1.5 times their width.
     saturation_adu : float, optional
-    is_mosaic : bool
-        Whether the pixels have colours.
+    bayer : str, optional
+        Colours of the first 2 x 2 pixels (RGGB, GRBG, GBRG, BGGR): the green light is measured.
 
     Returns
     -------
@@ -1306,7 +1306,7 @@ def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_p
     pixels = _np.ascontiguousarray(pixels, dtype=_np.float32)
     if pixels.ndim != 2:
         raise ValueError(f"pixels have {pixels.ndim} axes, expected 2: rows, columns")
-    return Field(_core.detect(pixels, fwhm_px, point_sigma, streak_sigma, shortest_px, aperture_px, saturation_adu, gain_e_per_adu, is_mosaic))
+    return Field(_core.detect(pixels, fwhm_px, point_sigma, streak_sigma, shortest_px, aperture_px, saturation_adu, gain_e_per_adu, bayer))
 
 
 def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None):

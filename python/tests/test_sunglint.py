@@ -196,7 +196,7 @@ def test_errors_say_where(tmp_path):
     assert caught.value.file.endswith("bad.toml") and caught.value.line == 2
     with pytest.raises(sg.Error, match="no such file"):
         sg.Scene(tmp_path / "none.toml")
-    with pytest.raises(sg.Error, match="utc, tai, tt or tdb"):
+    with pytest.raises(sg.Error, match="utc, tai, tt, tdb or gps"):
         sg.read_photometry(synthetic(tmp_path)[0], time_scale="gps")
 
 

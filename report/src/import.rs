@@ -8,7 +8,7 @@ use sunglint_formats::photometry::Import;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Meta, Table, Values};
 
-/// What a column was taken for.
+/// The quantity that a column was taken for.
 #[derive(Debug, Clone, Serialize)]
 pub struct Taken {
     /// Meaning of the column.
@@ -22,7 +22,7 @@ pub struct Taken {
 pub struct Need {
     /// Commands.
     pub commands: &'static str,
-    /// What they need.
+    /// The needs, in words.
     pub needs: String,
 }
 

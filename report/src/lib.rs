@@ -32,7 +32,7 @@
 //! - [`observe`]: a night as it runs;
 //! - [`plot`]: figures as PNG or SVG;
 //! - [`page`]: pages as HTML;
-//! - [`Product`]: a result in all its forms;
+//! - [`Product`]: a result in all its forms; [`TableRows`]: a table that is written piece by piece;
 //! - [`rounded`]: numbers as summaries hold them.
 
 pub mod air;
@@ -74,6 +74,7 @@ pub mod simulate;
 pub mod solve;
 pub mod spin;
 pub mod star;
+mod stream;
 pub mod tables;
 pub mod track;
 pub mod unmix;
@@ -81,3 +82,4 @@ pub mod unmix;
 pub use lines::channel_line;
 pub use numbers::rounded;
 pub use product::{Format, Product, ProductError};
+pub use stream::{TableRows, TableRowsError};

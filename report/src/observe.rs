@@ -97,7 +97,11 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
 
 /// Returns how a night went, on one line.
 pub fn summary_text(summary: &Summary) -> String {
-    let taken: Vec<String> = summary.taken.iter().map(|(name, n)| format!("{name} {n}")).collect();
+    let taken = summary.taken.iter().map(|(name, n)| match summary.on_disk.get(name) {
+        Some(written) if written != n => format!("{name} {n}, of which {written} are on the disk"),
+        _ => format!("{name} {n}"),
+    });
+    let taken: Vec<String> = taken.collect();
     let mut text = format!("{}: {}", summary.root.display(), taken.join(", "));
     for (name, refused) in summary.refused.iter().filter(|(_, refused)| **refused > 0) {
         let _ = write!(text, "; {refused} frames of {name} refused: another program uses it");
@@ -114,6 +118,8 @@ pub fn summary_json(summary: &Summary) -> Value {
             "utc": format_utc(summary.utc, 3),
             "reason": if summary.stopped { "stopped" } else { "done" },
             "taken": summary.taken,
+            "on_disk": summary.on_disk,
+            "empty_steps": summary.empty,
             "losses": summary.losses,
             "refused": summary.refused,
             "failed": summary.failed,

@@ -65,6 +65,12 @@ pub enum ProductError {
         /// The result's name.
         name: String,
     },
+    /// The form is written by whoever makes the numbers, piece by piece.
+    #[error("`{name}` is written while it is made, and not once more")]
+    Streamed {
+        /// The result's name.
+        name: String,
+    },
     /// The picture cannot be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),
@@ -91,6 +97,8 @@ pub struct Product {
     pub fits: Option<Vec<u8>>,
     /// The page to read in a browser.
     pub html: Option<String>,
+    /// Forms that are written while the numbers are made, piece by piece ([`crate::TableRows`]): nothing of them is here.
+    pub streamed: Vec<Format>,
     /// The summary with documented keys.
     pub json: Value,
     /// Other products: a folder gets them too, with the names of their own.
@@ -119,11 +127,14 @@ impl Product {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn extensions(&self) -> impl Iterator<Item = &'static str> {
-        let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
+        let streams = |format| self.streamed.contains(&format);
+        let has_table = !self.table.columns.is_empty() || streams(Format::Ecsv);
+        let table = has_table.then_some(&["ecsv"][..]);
         let drawn = self.figure.is_some() || self.gallery.is_some();
         let figure = drawn.then_some(&["png", "svg"][..]);
         // Beside a table a FITS file holds something else, which has its own place among the others.
-        let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
+        let has_fits = self.fits.is_some() || streams(Format::Fits);
+        let fits = (table.is_none() && has_fits).then_some(&["fits"][..]);
         let html = self.html.is_some().then_some(&["html"][..]);
         [table, fits, figure, html].into_iter().flatten().flatten().copied()
     }
@@ -133,6 +144,9 @@ impl Product {
     /// # Errors
     /// A form that the result does not have, a table or figure that cannot be written.
     pub fn encode(&self, format: Format) -> Result<Vec<u8>, ProductError> {
+        if self.streamed.contains(&format) {
+            return Err(ProductError::Streamed { name: self.name.clone() });
+        }
         let figure = || {
             let missing = || ProductError::NoFigure { name: self.name.clone() };
             self.figure.as_ref().ok_or_else(missing)

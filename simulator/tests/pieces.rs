@@ -2,11 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use std::num::NonZeroUsize;
-use sunglint_simulator::pass::{Overrides, Pass, PassError, PassFile, Simulation};
+use sunglint_simulator::pass::{Extras, Overrides, Pass, PassError, PassFile, Simulation, Totals};
 
 fn pass(target: &str, times: &str) -> Pass {
+    pass_of(&format!("[target]\nbuilt_in = \"{target}\"\n"), times)
+}
+
+fn pass_of(target: &str, times: &str) -> Pass {
     let text = format!(
-        "[target]\nbuilt_in = \"{target}\"\n[orbit]\nlines = [\n\
+        "{target}[orbit]\nlines = [\n\
          \"1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\",\n\
          \"2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\"]\n\
          [station]\nname = \"ufo\"\n[times]\n{times}\n\
@@ -92,6 +96,63 @@ fn pieces_are_the_pass_to_the_bit() {
             assert_eq!(found, known, "{target} {epochs}");
             assert_eq!(bounds, whole.bounds, "{target} {epochs}");
         }
+    }
+}
+
+/// Truth: doubt and polarisation of the same pass at once, to the bit; the sums over all samples, by their text.
+#[test]
+fn pieces_have_the_doubt_and_the_polarisation_of_the_pass() {
+    let shadow = "from = 2008-09-21T18:48:00Z\nto = 2008-09-21T18:52:00Z\nstep_s = 5";
+    let part = |name: &str, y: f64| {
+        format!(
+            "[[target.part]]\nname = \"{name}\"\nshape = \"box\"\nsize_m = [1, 2, 1]\nmaterial = \"{name}\"\noffset_m = [0, {y}, 0]\n"
+        )
+    };
+    let material = |name: &str, ln: f64| {
+        format!(
+            "[[target.material]]\nname = \"{name}\"\nmodel = \"composite\"\nreflectance = 1.0\ndiffuse = {{ reflectance = 0.5 }}\n\
+             [target.material.doubt]\npeak_ln = {ln}\nwings_ln = {ln}\ngrazing_ln = {ln}\n"
+        )
+    };
+    let target = [part("a", 0.0), part("b", 3.0), material("a", 0.2), material("b", 0.4)].concat();
+    let pass = pass_of(&target, shadow);
+    let whole = pass.simulate(&|_| ()).unwrap();
+    let known = whole.material_doubt(&|_| ()).unwrap().unwrap();
+    let polarised = whole.polarisation(&|_| ()).unwrap();
+    assert_eq!((known.each.len(), polarised.unknown.len()), (2, 0));
+    assert!(polarised.v.iter().any(|v| v.is_finite()));
+    let extras = Extras { material: true, polarisation: true };
+    for epochs in [7, 1, 1000] {
+        let (mut relative, mut one, mut v, mut error) = (vec![], vec![], vec![], vec![]);
+        let mut totals = Totals::new(&pass);
+        let epochs = NonZeroUsize::new(epochs).unwrap();
+        pass.simulate_in_pieces_with(epochs, extras, &|_| (), |piece| {
+            totals.add(piece);
+            let (doubt, found) =
+                (piece.material.as_ref().unwrap(), piece.polarisation.as_ref().unwrap());
+            relative.extend(doubt.relative.clone());
+            one.extend(doubt.each[1].v_relative.clone());
+            v.extend(found.v.clone());
+            error.extend(found.v_error.clone());
+            Ok::<(), PassError>(())
+        })
+        .unwrap();
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        for (found, known) in [
+            (&relative, &known.relative),
+            (&one, &known.each[1].v_relative),
+            (&v, &polarised.v),
+            (&error, &polarised.v_error),
+        ] {
+            assert_eq!(bits(found), bits(known));
+        }
+        let all = whole.totals();
+        assert_eq!(totals.concerns(), all.concerns());
+        assert_eq!(totals.promise(), all.promise());
+        assert_eq!(totals.material_error(), known.over_the_pass());
+        assert_eq!(totals.stated_error_of_bins(), all.stated_error_of_bins());
+        let ends = |t: &Totals<'_>| (t.highest, t.v_above_air, t.v_after_air, t.v_standard);
+        assert_eq!(ends(&totals), ends(&all));
     }
 }
 

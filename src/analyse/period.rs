@@ -6,7 +6,9 @@ use crate::progress::Bar;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use sunglint_analysis::curves::Curves;
-use sunglint_analysis::period::{GEOMETRY_NOT_USED, Options, PeriodOptions, find_period};
+use sunglint_analysis::period::{
+    GEOMETRY_NOT_USED, Options, PERIOD_CHANGES, PeriodOptions, find_period,
+};
 use sunglint_analysis::series::Series;
 use sunglint_analysis::sessions::{self, find_over_sessions};
 use sunglint_report::period;
@@ -14,7 +16,7 @@ use sunglint_report::period;
 /// How several nights are taken together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Nights {
-    /// Joined where a column `session` or several files make them, and no range says that the body is near
+    /// Joined where a column `session` or several files make them, and the body is not near: no range below a million kilometres, and without a range curves that last longer than the pass of a satellite
     #[default]
     Auto,
     /// With a zero point for each session and filter, and phase kept through the gaps
@@ -38,8 +40,8 @@ pub struct PeriodArgs {
     /// Harmonics of the periodogram in table and figure (the verdict chooses its own)
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8))]
     pub harmonics: u8,
-    /// Gaps longer than this part a curve into tracks, s: one period for all, with a curve of its own in each, and turns in the gaps are not counted [default: an hour where the whole needs more
-    /// frequencies than can be looked at, else no gap parts it]
+    /// Gaps longer than this part a curve into tracks, s: one period for all, with a curve of its own in each, and turns in the gaps are not counted [default: an hour for a near body, and where the whole needs more
+    /// frequencies than can be looked at; else no gap parts it]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub gap: Option<f64>,
     /// How several sessions (a column `session`, several files) are taken together
@@ -88,6 +90,9 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
     for warning in &mut found.warnings {
         if warning == GEOMETRY_NOT_USED {
             *warning = "the geometry of --pass is not used: it is that of one pass, and these are several tracks (`analyse spin` takes passes together)".into();
+        }
+        if warning.starts_with(PERIOD_CHANGES) {
+            warning.push_str(" (`analyse spin` takes passes together)");
         }
         console.warn(warning);
     }

@@ -8,8 +8,9 @@ use std::path::PathBuf;
 use sunglint_materials::fit::surface::colour::{Coloured, SpectrumGeometry, divide};
 use sunglint_materials::fit::surface::{Cone, SurfaceFit, SurfaceOptions, fit_surface};
 use sunglint_materials::fit::{FitError, FitOptions, Law, LobeKind, Rise, fit, to_toml};
-use sunglint_materials::read;
+use sunglint_materials::ingest::once;
 use sunglint_materials::samples::Samples;
+use sunglint_materials::{exchange, read};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_report::brdf::fit::{product, text};
 use sunglint_report::brdf::surface::{
@@ -29,20 +30,20 @@ pub struct FitArgs {
     /// Values up to this are no measurements (a detector's floor)
     #[arg(long, value_name = "PER_SR")]
     pub floor_per_sr: Option<f64>,
-    /// Only this law, one lobe with and without a Lambert term; may be given several times [default: one to three lobes, a mirror and diffuse light together, where the table has
-    /// three incidences or more]
+    /// Only this law, one lobe with and without a Lambert term; may be given several times [default: one to three lobes, a mirror and diffuse light together, of a table with one
+    /// azimuth of incidence]
     #[arg(long, value_name = "LAW")]
     pub law: Vec<LawName>,
-    /// Half-angle of what the detector takes in: the law is seen through it
-    #[arg(long, value_name = "DEG", default_value_t = 0.24)]
-    pub cone_deg: f64,
+    /// Half-angle of what the detector takes in: the law is seen through it [default: 0.24]
+    #[arg(long, value_name = "DEG")]
+    pub cone_deg: Option<f64>,
     /// Half-angle of the source as the sample sees it
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub source_deg: f64,
     /// Directions of light or detector farther from the normal are left out
     #[arg(long, value_name = "DEG", default_value_t = 85.0)]
     pub theta_most_deg: f64,
-    /// An error of every value that does not grow with it
+    /// An error of every value that does not grow with it: values around 0 and below then count as what they are
     #[arg(long, value_name = "PER_SR", default_value_t = 0.0)]
     pub additive_per_sr: f64,
     /// The most lobes that are tried, 1 to 3
@@ -144,6 +145,12 @@ fn colour(args: &FitArgs, found: &SurfaceFit) -> anyhow::Result<Option<Coloured>
     Ok(Some(divided.with_context(|| path.display().to_string())?))
 }
 
+/// The full angle that a detector takes in where nobody says it, degrees.
+const CONE_DEG: f64 = 0.24;
+/// A lobe narrower than this many times that depends on it.
+const NARROW: f64 = 6.0;
+const NOT_WRITTEN: &str = "material.toml is not written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept";
+
 /// Several parts together.
 fn surface(
     args: &FitArgs,
@@ -151,8 +158,9 @@ fn surface(
     inputs: &[Input],
     console: Console,
 ) -> anyhow::Result<()> {
+    let cone_deg = args.cone_deg.unwrap_or(CONE_DEG);
     for (name, deg, most) in [
-        ("--cone-deg", args.cone_deg, 10.0),
+        ("--cone-deg", cone_deg, 10.0),
         ("--source-deg", args.source_deg, 10.0),
         ("--theta-most-deg", args.theta_most_deg, 90.0),
     ] {
@@ -165,7 +173,7 @@ fn surface(
     options.wavelength_nm = args.wavelength_nm;
     options.floor_per_sr = args.floor_per_sr;
     options.additive_per_sr = args.additive_per_sr;
-    options.cone = Cone { detector_deg: args.cone_deg, source_deg: args.source_deg };
+    options.cone = Cone { detector_deg: cone_deg, source_deg: args.source_deg };
     options.theta_most_deg = args.theta_most_deg;
     options.most_lobes = usize::from(args.most_lobes);
     let bar = Bar::new(console);
@@ -173,6 +181,13 @@ fn surface(
     drop(bar);
     for flaw in &found.flaws {
         console.warn(&flaw.to_string());
+    }
+    if args.cone_deg.is_none()
+        && let Some(width) = found.narrowest_deg().filter(|w| *w < NARROW * CONE_DEG)
+    {
+        console.warn(&format!(
+            "the peak is {width:.2}° wide (half), of the order of what the detector takes in, which is taken as {CONE_DEG}°: say the instrument's with --cone-deg"
+        ));
     }
     let mut product = product_of_surface(&found, measured, inputs)?;
     let colour = colour(args, &found)?;
@@ -188,9 +203,7 @@ fn surface(
     };
     let is_written = found.is_faithful() || args.accept;
     if !is_written {
-        console.warn(
-            "material.toml is not written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept",
-        );
+        console.warn(NOT_WRITTEN);
     }
     let folders = args.out.folders().output;
     let files = folders.iter().filter(|_| is_written);
@@ -204,7 +217,16 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     if args.spectrum.is_some() {
         geometry(args)?;
     }
+    if !(args.additive_per_sr >= 0.0 && args.additive_per_sr.is_finite()) {
+        let expected =
+            format!("--additive-per-sr is {}, expected 0 or above", args.additive_per_sr);
+        return Err(Usage(expected).into());
+    }
     let (measured, inputs) = read::samples(&args.table, args.wavelength_nm)?;
+    let (measured, repeated) = once(measured);
+    for warning in repeated.into_iter().chain(exchange::warnings(&measured)) {
+        console.warn(&warning);
+    }
     if args.law.is_empty() && args.refractive_index.is_none() && !args.gaussian {
         match surface(args, &measured, &inputs, console) {
             // One lobe needs less: the table may still do for that.
@@ -243,7 +265,15 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     let rise = index.as_ref().map(|index| Rise::new(index, found.wavelength_nm)).transpose()?;
     let product = product(&found, best, &measured, rise.as_ref(), &inputs);
     let toml = to_toml(&found, best, &args.name, args.refractive_index.as_deref());
+    let is_written = found.is_faithful() || args.accept;
+    for flaw in &found.flaws {
+        console.warn(&flaw.to_string());
+    }
+    if !is_written {
+        console.warn(NOT_WRITTEN);
+    }
     let folders = args.out.folders().output;
-    let files = folders.iter().map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
+    let files = folders.iter().filter(|_| is_written);
+    let files = files.map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
     args.out.finish_with(&product, files.collect(), &text(&found, &toml), console)
 }

@@ -10,6 +10,7 @@ use sunglint_formats::{fred, zemax};
 use sunglint_materials::exchange::Exchange;
 use sunglint_materials::goniometer::folder;
 use sunglint_materials::ingest::file::ingest_file;
+use sunglint_materials::ingest::once;
 use sunglint_materials::{exchange, read};
 use sunglint_report::brdf::goniometer as show;
 use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, table_product, table_text, text};
@@ -88,6 +89,10 @@ fn is_table(path: &std::path::Path) -> bool {
 
 fn table(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     let (samples, inputs) = read::samples(&args.file, args.wavelength_nm)?;
+    let (samples, repeated) = once(samples);
+    for warning in repeated.into_iter().chain(exchange::warnings(&samples)) {
+        console.warn(&warning);
+    }
     let mut others = Vec::new();
     if (args.fred.is_some() || args.zemax.is_some()) && samples.wavelength_nm.len() > 1 {
         anyhow::bail!(

@@ -7,8 +7,14 @@ use sunglint_formats::nearest_names;
 use sunglint_radiometry::station::Laser;
 use sunglint_report::Product;
 use sunglint_report::simulate::active::ActiveReport;
+use sunglint_report::simulate::names;
 use sunglint_simulator::pass::{Pass, Simulation};
 use sunglint_simulator::ranging::Returns;
+
+/// Memory of an epoch, of a laser's returns of an epoch, and what is much of it.
+const EPOCH_BYTES: f64 = 8e3;
+const LASER_BYTES: f64 = 8e3;
+const MUCH_BYTES: f64 = 1e9;
 
 /// Which lasers: those that were named, else all that the station and the scene have.
 pub(super) fn lasers<'a>(pass: &'a Pass, names: &[String]) -> anyhow::Result<Vec<&'a Laser>> {
@@ -41,31 +47,59 @@ pub(super) fn lasers<'a>(pass: &'a Pass, names: &[String]) -> anyhow::Result<Vec
     Ok(chosen)
 }
 
-/// Adds the lasers' returns to a simulated pass that is ready to be shown: they come first, the sunlight's tables after them.
-pub(super) fn add(
-    shown: &mut Shown,
-    simulation: &Simulation<'_>,
-    lasers: &[&Laser],
-    console: Console,
-) -> anyhow::Result<()> {
+/// Returns of lasers, in all forms.
+pub(super) struct Returned {
+    warnings: Vec<String>,
+    text: String,
+    json: serde_json::Value,
+    product: Product,
+    has_light: bool,
+}
+
+/// Warns where a pass is so long that its returns need much memory: they are told of all epochs together.
+pub(super) fn warn_of_memory(pass: &Pass, lasers: &[&Laser], console: Console) {
+    let epochs = pass.times.len() as f64;
+    let bytes =
+        epochs * (EPOCH_BYTES + LASER_BYTES * lasers.len() as f64 + 24.0 * pass.bins() as f64);
+    if bytes > MUCH_BYTES {
+        console.warn(&format!(
+            "--active holds the whole pass in memory: about {:.1} GB for {epochs} samples; with fewer of them (--from, --to, --step-s) it needs less",
+            1e-9 * bytes
+        ));
+    }
+}
+
+/// The lasers' returns along a simulated pass.
+pub(super) fn of(simulation: &Simulation<'_>, lasers: &[&Laser]) -> anyhow::Result<Returned> {
     let all: Vec<Returns<'_>> =
         lasers.iter().map(|l| Returns::new(simulation, l)).collect::<Result<_, _>>()?;
-    for warning in all.iter().flat_map(Returns::concerns) {
-        console.warn(&warning);
-    }
     let report = ActiveReport { simulation, returns: &all };
-    shown.text.push_str(&report.text());
-    let passive = std::mem::take(&mut shown.product);
-    let mut product = report.product(&passive.name)?;
+    let [name, ..] = names(simulation.pass);
+    Ok(Returned {
+        warnings: all.iter().flat_map(Returns::concerns).collect(),
+        text: report.text(),
+        json: report.json(),
+        product: report.product(&name)?,
+        // A figure has something to show where light comes back.
+        has_light: all.iter().any(|r| r.photons.iter().any(|n| *n > 0.0)),
+    })
+}
+
+/// Adds the lasers' returns to a simulated pass that is ready to be shown: they come first, the sunlight's tables after them.
+pub(super) fn add(shown: &mut Shown, returned: Returned, console: Console) {
+    for warning in &returned.warnings {
+        console.warn(warning);
+    }
+    shown.text.push_str(&returned.text);
+    let mut passive = std::mem::take(&mut shown.product);
+    let mut product = returned.product;
     product.json = passive.json.clone();
     if let serde_json::Value::Object(document) = &mut product.json {
-        document.insert("active".into(), report.json());
+        document.insert("active".into(), returned.json);
     }
-    let Product { others, .. } = passive.clone();
-    product.others.push(Product { others: Vec::new(), ..passive });
+    let others = std::mem::take(&mut passive.others);
+    product.others.push(passive);
     product.others.extend(others);
     shown.product = product;
-    // A figure has something to show where light comes back.
-    shown.has_light = all.iter().any(|r| r.photons.iter().any(|n| *n > 0.0));
-    Ok(())
+    shown.has_light = returned.has_light;
 }

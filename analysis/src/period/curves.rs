@@ -1,19 +1,25 @@
 //! The period of whole curves: the verdict of all channels, on the clock of the body where a pass says how that goes, and the periodograms to draw.
 
-use super::verdict::{Along, Outcome, verdict_along};
+use super::alone::{self, Without};
+use super::spectrum::median_step;
+use super::verdict::{Along, Outcome, Tracks, compared, verdict_along};
 use super::{
     FlashTrain, FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm,
     spectrum, verdict, window, with_flashes,
 };
-use crate::curves::Curves;
+use crate::curves::{Curves, GAP_S};
 use crate::series::{Series, SeriesError};
+use crate::spin::by_pass;
 use crate::synodic::{Bisectors, Sidereal};
 use sunglint_numerics::progress::Progress;
 
-/// A gap that parts tracks where the whole is too long to be looked at, s: turns over it are not counted by anyone.
-const GAP_S: f64 = 3600.0;
 /// Frequencies of the periodograms at most: every k-th where the search has more.
 const MOST_ROWS: usize = 20_000;
+/// A series of more samples is looked at in so many means.
+const MOST_SAMPLES: usize = 100_000;
+const MEANS: f64 = 50_000.0;
+/// A gap is longer than that many steps.
+const GAP_STEPS: f64 = 20.0;
 /// Frequencies to a resolution.
 const OVERSAMPLING: f64 = 5.0;
 /// Phase bins of the dispersion.
@@ -21,13 +27,15 @@ const BINS: usize = 20;
 /// Warning that a scene cannot say how the body of several tracks was seen.
 pub const GEOMETRY_NOT_USED: &str =
     "the scene's geometry is not used: it is that of one pass, and these are several tracks";
+/// Begin of the warning that the period is not the same in all tracks.
+pub const PERIOD_CHANGES: &str = "the period changes from track to track";
 
 /// Options of the search for the period of whole curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeriodOptions {
     /// The shortest and the longest period.
     pub search: Options,
-    /// Gaps longer than this part a curve into tracks, s; `None`: an hour where the whole needs too many frequencies, else none.
+    /// Gaps longer than this part a curve into tracks, s; `None`: an hour where the body is near ([`Curves::is_near`]) or the whole needs too many frequencies, else none.
     pub gap_s: Option<f64>,
     /// Harmonics of the periodograms; the verdict chooses its own.
     pub harmonics: usize,
@@ -73,6 +81,8 @@ pub struct FoundPeriod {
     pub along: Option<Along>,
     /// The flashes, where the light of a single track has a train of them.
     pub flashes: Option<FlashTrain>,
+    /// Periods of the tracks alone, where there are several that show one.
+    pub tracks: Option<Tracks>,
     /// Warnings to the user about the result.
     pub warnings: Vec<String>,
     /// Harmonics of the periodograms.
@@ -96,8 +106,9 @@ where
     E: From<PeriodError> + From<SeriesError>,
 {
     progress.begin("looking for periods", None);
-    let (series, verdict, tracks) = ask::<E>(&curves, options)?;
     let mut warnings = curves.warnings.clone();
+    let Asked { series, verdict, tracks, flashes, whole } =
+        ask::<E>(&curves, options, &mut warnings)?;
     if tracks > 1 {
         warnings.push(format!(
             "{tracks} tracks: turns between them are not counted, and one period is taken to hold in all (each track in a file of its own shows its own period)"
@@ -115,7 +126,8 @@ where
         window: Vec::new(),
         sidereal: None,
         along: None,
-        flashes: None,
+        flashes,
+        tracks: None,
         warnings,
         harmonics: options.harmonics,
     };
@@ -126,39 +138,89 @@ where
         found.follow(&bisectors, &options.search)?;
     }
     // A clock that bends with the body is chosen by harmonics, whose verdict stands then.
-    if tracks == 1 && found.along.is_none() {
+    let is_thinned = whole.is_some();
+    let is_answered = !matches!(found.verdict.outcome, Outcome::NotEnough(_));
+    let is_asked = found.flashes.is_none() && !(is_thinned && is_answered);
+    if tracks == 1 && found.along.is_none() && is_asked {
         progress.begin("folding flashes", None);
         let by_harmonics = found.verdict.clone();
-        (found.verdict, found.flashes) = with_flashes(&found.series, &options.search, by_harmonics);
+        let of = whole.as_deref().unwrap_or(&found.series);
+        (found.verdict, found.flashes) = with_flashes(of, &options.search, by_harmonics);
     }
+    found.compare_tracks(&options.search, options.gap_s.unwrap_or(GAP_S));
     progress.begin("drawing the periodograms", None);
     found.draw()?;
     found.concerns();
     Ok(found)
 }
 
-/// The verdict on curves, or on their tracks: the series, the verdict, and how many tracks a file has at most.
-fn ask<E>(curves: &Curves, options: &PeriodOptions) -> Result<(Vec<Series>, Verdict, usize), E>
+/// Series that were looked at, and the verdict on them.
+struct Asked {
+    series: Vec<Series>,
+    verdict: Verdict,
+    /// Tracks that a file has at most.
+    tracks: usize,
+    /// The flashes of all samples, where some that stand alone were left out and the others have no period.
+    flashes: Option<FlashTrain>,
+    /// All samples, where means of them were looked at.
+    whole: Option<Vec<Series>>,
+}
+
+/// The verdict on curves, or on their tracks.
+fn ask<E>(curves: &Curves, options: &PeriodOptions, warnings: &mut Vec<String>) -> Result<Asked, E>
 where
     E: From<PeriodError> + From<SeriesError>,
 {
-    if let Some(gap_s) = options.gap_s {
-        let (series, tracks) = curves.tracks(gap_s)?;
-        let found = verdict(&series, &options.search)?;
-        return Ok((series, found, tracks));
+    let gap_s = options.gap_s.or_else(|| curves.is_near().then_some(GAP_S));
+    let (mut series, mut tracks) = match gap_s {
+        Some(gap_s) => curves.tracks(gap_s)?,
+        None => (curves.series()?, 1),
+    };
+    let mut whole = None;
+    if let Some((means, width_s)) = means(&series, &options.search) {
+        let most = series.iter().map(Series::len).max().unwrap_or(0);
+        warnings.push(format!(
+            "{most} samples are put together in means over {width_s:.4} s: periods below {:.4} s are not looked for (--shortest asks for them)",
+            2.0 * width_s
+        ));
+        whole = Some(std::mem::replace(&mut series, means));
     }
-    let series = curves.series()?;
-    match verdict(&series, &options.search) {
-        Err(error @ PeriodError::TooMany { .. }) => {
-            let (parted, tracks) = curves.tracks(GAP_S)?;
-            if tracks == 1 {
+    let found = match verdict(&series, &options.search) {
+        Err(error @ PeriodError::TooMany { .. }) if gap_s.is_none() => {
+            let (parted, number) = curves.tracks(GAP_S)?;
+            if number == 1 {
                 return Err(error.into());
             }
-            let found = verdict(&parted, &options.search)?;
-            Ok((parted, found, tracks))
+            (series, tracks, whole) = (parted, number, None);
+            verdict(&series, &options.search)?
         }
-        found => Ok((series, found?, 1)),
+        found => found?,
+    };
+    let asked = Asked { series, verdict: found, tracks, flashes: None, whole };
+    if asked.whole.is_some() {
+        return Ok(asked);
     }
+    Ok(match alone::without(&asked.series, &options.search, &asked.verdict)? {
+        None => asked,
+        Some(Without { series, verdict, flashes, left_out }) => {
+            warnings.push(format!(
+                "{left_out} samples stand alone, far from their neighbours, and do not come again: left out"
+            ));
+            Asked { series, verdict, flashes, ..asked }
+        }
+    })
+}
+
+/// Means of series that are too long to be looked at sample by sample, and over how long they are taken; `None` where they are not, or shorter periods are asked for.
+fn means(series: &[Series], options: &Options) -> Option<(Vec<Series>, f64)> {
+    let longest = series.iter().max_by_key(|s| s.len()).filter(|s| s.len() > MOST_SAMPLES)?;
+    // Gaps have no means: the length of what was seen counts.
+    let step_s = median_step(longest)?;
+    let gaps = longest.time_s.windows(2).map(|t| t[1] - t[0]).filter(|s| *s > GAP_STEPS * step_s);
+    let width_s = (longest.span_s() - gaps.sum::<f64>()) / MEANS;
+    let is_asked = options.shortest_s.is_some_and(|s| s < 2.0 * width_s);
+    let good = !is_asked && width_s > step_s;
+    good.then(|| (series.iter().map(|s| s.binned(width_s)).collect(), width_s))
 }
 
 impl FoundPeriod {
@@ -172,6 +234,27 @@ impl FoundPeriod {
         let best = self.drawn_verdict().best;
         self.sidereal = best.map(|best| bisectors.bounds(best.period_s));
         Ok(())
+    }
+
+    /// Asks each track for its own period, and says where they differ.
+    fn compare_tracks(&mut self, options: &Options, gap_s: f64) {
+        let is_by_flashes = self.flashes.as_ref().is_some_and(|f| f.decides);
+        if self.along.is_some() || is_by_flashes {
+            return;
+        }
+        let tracks = by_pass(self.series.clone(), gap_s);
+        if tracks.len() < 2 {
+            return;
+        }
+        self.tracks = compared(&tracks, options, &mut self.verdict);
+        if let Some(tracks) = self.tracks.as_ref().filter(|t| t.differ()) {
+            let (from, to) = tracks.from_to_s();
+            self.warnings.push(format!(
+                "{PERIOD_CHANGES}: {} tracks have periods from {from:.5} s to {to:.5} s, by chance with a probability of {:.1e}: the stated uncertainty holds them all",
+                tracks.periods.len(),
+                tracks.chance
+            ));
+        }
     }
 
     /// Periodograms, dispersions and the window over the frequencies that were looked at.

@@ -9,6 +9,7 @@
 //! - [`flash_train`], [`with_flashes`]: the period of short flashes, beside the harmonics;
 //! - [`find_period()`]: all of it for the curves of some files.
 
+mod alone;
 mod curves;
 mod fit;
 mod flashes;
@@ -21,7 +22,9 @@ pub mod stats;
 pub(crate) mod sums;
 pub mod verdict;
 
-pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
+pub use curves::{
+    Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PERIOD_CHANGES, PeriodOptions, find_period,
+};
 pub use fit::{HarmonicFit, fit};
 pub use flashes::{FlashPhase, FlashTrain, Refusal, flash_train, with_flashes};
 pub use lomb_scargle::{lomb_scargle, window};

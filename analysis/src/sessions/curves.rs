@@ -10,8 +10,6 @@ use sunglint_radiometry::light_curve::TOLERATED;
 
 /// Speed of light, m/s (exact).
 const LIGHT_M_S: f64 = 299_792_458.0;
-/// Bodies beyond it are seen from all of a night's directions alike: neither an orbit's turn nor a pass is in their light, m.
-const FAR_M: f64 = 1e9;
 
 /// Curves that were searched over their sessions.
 #[derive(Debug, Clone, Serialize)]
@@ -34,7 +32,7 @@ pub struct Joined {
 }
 
 impl Curves {
-    /// Whether these curves are sessions whose phase may be kept through the gaps: several files or a column `session`, of a body that is not known to be near. A near
+    /// Whether these curves are sessions whose phase may be kept through the gaps: several files or a column `session`, of a body that is not near ([`Curves::is_near`]). A near
     /// body is seen from other directions pass by pass, so that its turns do not add up.
     pub fn are_sessions(&self) -> bool {
         let sessions: usize = self
@@ -50,11 +48,7 @@ impl Curves {
                 None => 1,
             })
             .sum();
-        let near = self.curves.iter().any(|c| {
-            let range = c.curve.samples.range_m.as_ref();
-            !c.is_above_air || range.is_some_and(|r| r.iter().any(|r| *r < FAR_M))
-        });
-        sessions > 1 && !near
+        sessions > 1 && !self.is_near()
     }
 }
 
@@ -68,11 +62,18 @@ pub fn of_curves(curves: &Curves) -> (Vec<Session>, bool, usize) {
     let several = curves.curves.len() > 1;
     for named in &curves.curves {
         let curve = &named.curve;
-        let asked: Vec<_> = curve.channels.iter().filter(|c| curves.asks_for(&c.name)).collect();
+        let is_parted = !named.filters().is_empty();
+        let asked: Vec<_> =
+            curve.channels.iter().filter(|c| is_parted || curves.asks_for(&c.name)).collect();
         for channel in &asked {
             let mut by_label: BTreeMap<(String, String), Session> = BTreeMap::new();
             for i in 0..curve.len() {
                 if !channel.flags[i].difference(TOLERATED).is_empty() {
+                    continue;
+                }
+                if is_parted
+                    && named.labels.as_ref().is_some_and(|l| !curves.asks_for(&l[i].filter))
+                {
                     continue;
                 }
                 let rate = channel.rate_hz[i];

@@ -22,6 +22,8 @@ const TOO_FEW: f64 = RULED_OUT + 16.0;
 const OVERSAMPLING: f64 = 5.0;
 /// Longest period, in lengths of the longest session.
 const LONGEST_SESSIONS: f64 = 8.0;
+/// Parts of a period that are asked about where they lie below the search.
+const MOST_PARTS: usize = 8;
 /// A period whose Δ is larger is ruled out.
 const RULED_OUT: f64 = 25.0;
 /// Where more than three periods are left, those with a larger Δ are not named.
@@ -565,6 +567,13 @@ pub fn search(
     Ok(answer)
 }
 
+/// The median step between samples of a session, s.
+fn step_s(rows: &Rows) -> f64 {
+    let steps =
+        rows.sessions.iter().flat_map(|s| rows.time[s.clone()].windows(2).map(|p| p[1] - p[0]));
+    median(steps.filter(|s| *s > 0.0)).unwrap_or(f64::NAN)
+}
+
 /// The shortest and the longest period of the search; `None` where there is none between.
 fn range(
     rows: &Rows,
@@ -573,9 +582,7 @@ fn range(
 ) -> Result<Option<(f64, f64)>, SessionsError> {
     let own = |s: &Range<usize>| rows.time[s.end - 1] - rows.time[s.start];
     let longest_session_s = rows.sessions.iter().map(own).fold(0.0, f64::max);
-    let steps =
-        rows.sessions.iter().flat_map(|s| rows.time[s.clone()].windows(2).map(|p| p[1] - p[0]));
-    let step_s = median(steps.filter(|s| *s > 0.0)).unwrap_or(f64::NAN);
+    let step_s = step_s(rows);
     let longest_s = options.longest_s.unwrap_or(LONGEST_SESSIONS * longest_session_s);
     let sampled_s = SAMPLED * step_s;
     let affordable_s = OVERSAMPLING * MOST as f64 * rows.span_s() / MOST_BY_DEFAULT;
@@ -720,14 +727,15 @@ fn phase_seen(rows: &Rows, frequency_hz: f64) -> f64 {
 /// A period of a family with its uncertainty, by the model of six harmonics.
 fn member(rows: &Rows, models: &[Model; 3], near_hz: f64, step_hz: f64) -> Member {
     let six = &models[MIDDLE];
+    let order = six.order.min(shown(rows, near_hz)).max(1);
     let cluster = six.clusters.iter().find(|c| c.holds(near_hz)).cloned().unwrap_or_else(|| {
-        Cluster { minima: vec![refined(rows, &six.weight, six.order, near_hz, step_hz)] }
+        Cluster { minima: vec![refined(rows, &six.weight, order, near_hz, step_hz)] }
     });
     let best = cluster.best();
     let f = best.frequency_hz;
     // The curvature of χ² over half a step on both sides.
     let h = 0.5 * step_hz;
-    let at = |f: f64| rows.fit(&six.weight, f, six.order).chi2;
+    let at = |f: f64| rows.fit(&six.weight, f, order).chi2;
     let bend =
         ((at(f + h) - best.chi2).max(0.0) + (at(f - h) - best.chi2).max(0.0)) / (h * h) * six.scale;
     let sigma_hz = (2.0 / bend).sqrt();
@@ -753,7 +761,7 @@ fn member(rows: &Rows, models: &[Model; 3], near_hz: f64, step_hz: f64) -> Membe
     }
     let half = SIGMAS_95 * sigma_s;
     let interval_s = Interval::new(1.0 / counts[counts.len() - 1] - half, 1.0 / counts[0] + half);
-    let fit = rows.fit(&six.weight, f, six.order);
+    let fit = rows.fit(&six.weight, f, order);
     Member {
         period_s: 1.0 / f,
         sigma_s,
@@ -831,6 +839,38 @@ fn possible(rows: &Rows, models: &[Model; 3], step_hz: f64) -> Result<Vec<f64>, 
     Err(Reason::Many { period_s: 1.0 / best[1], periods: all.len() })
 }
 
+/// Harmonics of a frequency that the sampling shows.
+fn shown(rows: &Rows, frequency_hz: f64) -> usize {
+    (0.5 / (step_s(rows) * frequency_hz) * (1.0 + 1e-9)) as usize
+}
+
+/// Halves, thirds and further parts of some periods that lie below the search and do as well: of a period that is too short to be looked for, the search finds a multiple.
+fn parts_below(
+    rows: &Rows,
+    models: &[Model; 3],
+    periods: &[f64],
+    grid: &FrequencyGrid,
+) -> Vec<f64> {
+    let mut found: Vec<f64> = Vec::new();
+    for f in periods {
+        for part in (2..=MOST_PARTS).map(|n| n as f64 * f) {
+            let (known, is_known) = (found.clone(), |g: &f64| same(*g, part, SAME));
+            if part <= grid.last_hz() + grid.step_hz || known.iter().any(is_known) {
+                continue;
+            }
+            let does_as_well = models[MIDDLE..].iter().any(|m| {
+                let order = m.order.min(shown(rows, part));
+                order > 0
+                    && m.gap(refined(rows, &m.weight, order, part, grid.step_hz).chi2) <= RULED_OUT
+            });
+            if does_as_well {
+                found.push(part);
+            }
+        }
+    }
+    found
+}
+
 /// The verdict of all models.
 fn judge(rows: &Rows, models: &[Model; 3], grid: &FrequencyGrid, answer: &mut SessionPeriods) {
     answer.smallest_gap =
@@ -839,14 +879,25 @@ fn judge(rows: &Rows, models: &[Model; 3], grid: &FrequencyGrid, answer: &mut Se
     answer.correlation = models.each_ref().map(|m| m.correlation);
     answer.scatter_mag = Some(models[MIDDLE].scatter);
     let make = |f: f64| member(rows, models, f, grid.step_hz);
-    let reason = match possible(rows, models, grid.step_hz) {
+    let found = possible(rows, models, grid.step_hz).and_then(|mut periods| {
+        let below = parts_below(rows, models, &periods, grid);
+        let all = periods.len() + below.len();
+        if !below.is_empty() && all > MOST_MEMBERS {
+            return Err(Reason::Many { period_s: 1.0 / periods[0], periods: all });
+        }
+        periods.extend(below);
+        Ok(periods)
+    });
+    let reason = match found {
         Ok(periods) => {
             let mut members: Vec<Member> = periods.into_iter().map(make).collect();
             members.sort_by(|a, b| a.gaps[MIDDLE].total_cmp(&b.gaps[MIDDLE]));
             let margin = 2.0 * grid.step_hz;
             let is_bound = |m: &&Member| {
                 let f = 1.0 / m.period_s;
-                f < grid.first_hz + margin || f > grid.last_hz() - margin
+                // Parts of a period that lie below the search were asked for by name.
+                let last = grid.last_hz();
+                f < grid.first_hz + margin || (last - margin..=last + margin).contains(&f)
             };
             let bound =
                 members.iter().find(is_bound).map(|m| Reason::Bound { period_s: m.period_s });

@@ -1,7 +1,7 @@
 //! The period that passes share: each shows an apparent one, or a family.
 
 use super::{LEAST_PASSES, NoSpin, PassFound, SpinFound, SpinOptions, SpinPass};
-use crate::period::verdict::{Estimate, Outcome};
+use crate::period::verdict::{Estimate, Membership, Outcome};
 use crate::period::{PeriodError, verdict};
 use rayon::prelude::*;
 
@@ -63,8 +63,15 @@ fn of_pass(found: &PassFound) -> Vec<Candidate> {
     };
     match &found.verdict.outcome {
         Outcome::One(e) => vec![one(e, 1.0)],
-        Outcome::Family(members) => members.iter().map(|m| one(&m.estimate, 1.0)).collect(),
-        Outcome::NotEnough(_) => found.verdict.best.iter().map(|e| one(e, OF_REFUSED)).collect(),
+        // Folded periods are those of a sampling, not of a body: passes of one sampling all have them.
+        Outcome::Family(members) => members
+            .iter()
+            .filter(|m| !matches!(m.membership, Membership::Folded(_)))
+            .map(|m| one(&m.estimate, 1.0))
+            .collect(),
+        Outcome::NotEnough(_) | Outcome::Two(..) => {
+            found.verdict.best.iter().map(|e| one(e, OF_REFUSED)).collect()
+        }
     }
 }
 

@@ -350,6 +350,23 @@ fn centroid_of(
     balanced(&light, aperture, fwhm_px)
 }
 
+/// Gains are the same within this part.
+const SAME_GAIN: f64 = 0.01;
+
+/// Electrons for an ADU and saturation, ADU, of a frame: its own, else those of the options. A saturation of the options holds at their gain: there the lower of
+/// both counts, because a camera may name the end of its converter, and its pixels be full before; at another gain it is brought to the frame's.
+fn known(frame: &Frame, options: &PhotometryOptions) -> [Option<f64>; 2] {
+    let own = frame.gain_e_per_adu.filter(|&gain| gain > 0.0);
+    let other = own.zip(options.gain_e_per_adu).map(|(own, usual)| usual / own);
+    let other = other.filter(|ratio| (ratio - 1.0).abs() > SAME_GAIN);
+    let saturation = match (frame.saturation_adu, options.saturation_adu, other) {
+        (Some(own), Some(usual), None) => Some(own.min(usual)),
+        (None, Some(usual), Some(ratio)) => Some((usual * ratio).min(f64::from(u16::MAX))),
+        (own, usual, _) => own.or(usual),
+    };
+    [own.or(options.gain_e_per_adu).filter(|&gain| gain > 0.0), saturation]
+}
+
 /// The frame over its calibration, and what a look at it needs.
 fn prepare<'a>(
     frame: &'a Frame,
@@ -360,10 +377,9 @@ fn prepare<'a>(
     if exposure_s.is_nan() || exposure_s <= 0.0 {
         return Err(PhotometryError::Exposure { exposure_s });
     }
-    let gain = options.gain_e_per_adu.or(frame.gain_e_per_adu).filter(|&g| g > 0.0);
+    let [gain, saturation] = known(frame, options);
     let gain_e_per_adu = gain.ok_or(PhotometryError::NoGain)?;
-    let saturation_adu =
-        options.saturation_adu.or(frame.saturation_adu).unwrap_or_else(|| f64::from(u16::MAX));
+    let saturation_adu = saturation.unwrap_or_else(|| f64::from(u16::MAX));
     let clipping = Clipping {
         sigma: options.clip_sigma,
         rounds: options.clip_rounds,
@@ -427,4 +443,47 @@ fn count_plane(tally: &mut Tally, plane: &PlaneMeasurement, background: bool, cu
     tally.with_masked_pixels += u64::from(measured && plane.masked_fraction > 0.0);
     let masked = !measured && background && !cut && plane.saturated_pixels == 0;
     tally.masked += u64::from(masked);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_formats::fits::Header;
+
+    /// Truth: by hand: a station of 0.3 electrons an ADU that saturates at 50,000 ADU. A frame's own numbers count; at the station's gain its pixels are full at 50,000 whatever the converter
+    /// takes; at 0.6 electrons an ADU the same electrons are half the ADU.
+    #[test]
+    fn a_frames_own_numbers_come_first() {
+        let mut options = PhotometryOptions::new([4, 4], 3.0);
+        (options.gain_e_per_adu, options.saturation_adu) = (Some(0.3), Some(50_000.0));
+        for (own, expected) in [
+            ((None, None), (0.3, 50_000.0)),
+            ((Some(0.6), None), (0.6, 25_000.0)),
+            ((Some(0.6), Some(4095.0)), (0.6, 4095.0)),
+            ((Some(0.3), Some(65_535.0)), (0.3, 50_000.0)),
+            ((None, Some(4095.0)), (0.3, 4095.0)),
+            ((Some(0.6), Some(65_535.0)), (0.6, 65_535.0)),
+            ((Some(0.1), None), (0.1, 65_535.0)),
+            ((Some(0.0), None), (0.3, 50_000.0)),
+        ] {
+            let frame = Frame {
+                pixels: ndarray::Array2::zeros((4, 4)),
+                origin: [0, 0],
+                binning: [1, 1],
+                bayer: None,
+                start: hifitime::Epoch::from_unix_seconds(1.6e9),
+                exposure_s: 1.0,
+                gain_e_per_adu: own.0,
+                temperature_c: None,
+                saturation_adu: own.1,
+                header: Header::default(),
+            };
+            let calibration = FrameCalibration::default();
+            let (reading, setting) = prepare(&frame, &options, &calibration).unwrap();
+            let [gain, noise] = [setting.gain_e_per_adu, reading.saturation_adu];
+            assert!((gain - expected.0).abs() < 1e-9, "{own:?}: {gain}");
+            assert!((noise - expected.1).abs() < 1e-6, "{own:?}: {noise}");
+            assert_eq!(setting.clipping.gain_and_read_noise, Some((expected.0, 3.0)));
+        }
+    }
 }

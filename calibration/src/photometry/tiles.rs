@@ -80,6 +80,13 @@ impl Tiles {
         self
     }
 
+    /// The same with another scatter.
+    #[must_use]
+    pub fn with_noise_times(mut self, factor: f32) -> Self {
+        self.sigma.iter_mut().for_each(|sigma| *sigma *= factor);
+        self
+    }
+
     /// Scatter of a pixel in the tile nearest to a place.
     pub fn sigma_at(&self, x: f64, y: f64) -> f32 {
         let tile = |at: f64, axis: usize| {

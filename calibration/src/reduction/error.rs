@@ -89,6 +89,20 @@ pub enum ReduceError {
         /// The channel.
         channel: String,
     },
+    /// Calibration frames by which a good part of the sensor would be left out.
+    #[error(
+        "{bad} of {all} pixels are bad by {by}, more than {:.0} %: {hint}", 100.0 * super::sensor::MOST_BAD
+    )]
+    Mask {
+        /// Pixels that would be left out.
+        bad: usize,
+        /// All pixels.
+        all: usize,
+        /// Calibration frames that say so.
+        by: String,
+        /// The remedy, in words.
+        hint: &'static str,
+    },
     /// The work was ended early.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

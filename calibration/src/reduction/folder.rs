@@ -18,14 +18,16 @@ use crate::field_stars::{
     self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
     StarMeasurement, System, ZeroPoint,
 };
-use crate::photometry::field::{Along, Field, FieldOptions, Growth, along, find};
+use crate::photometry::field::{
+    Along, Field, FieldOptions, Growth, along, find, green_light, plateau,
+};
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::Tle;
-use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame};
+use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame, ReadOptions};
 use sunglint_formats::wcs::Wcs;
 use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
@@ -38,6 +40,8 @@ use sunglint_radiometry::sky::Site;
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct FolderOptions {
+    /// How the files are read.
+    pub reading: ReadOptions,
     /// How sources are found.
     pub field: FieldOptions,
     /// Place of the target in the first frame, column and row, px.
@@ -278,12 +282,9 @@ pub fn reduce_frames(
     let given = given.chain(options.flats.iter().map(|p| (p, Some(FrameKind::Flat))));
     for (path, kind) in files.iter().map(|p| (p, None)).chain(given) {
         step(progress, 0)?;
-        match ImageFrame::read(path) {
+        match read(path, kind, &options.reading) {
             Err(error) => folder.leave(path, "cannot be read", &error.to_string()),
-            Ok(frame) => {
-                let kind = kind.or(frame.header.kind).unwrap_or(FrameKind::Light);
-                entries.push(Entry { header: frame.header, kind });
-            }
+            Ok(entry) => entries.push(entry),
         }
     }
     if !options.darks.is_empty() {
@@ -296,7 +297,7 @@ pub fn reduce_frames(
     }
     let mut lights = folder.lights(&entries);
     if lights.is_empty() {
-        return Err(ReduceError::NoFrame { left_out: folder.summary() });
+        return Err(ReduceError::NoFrame { left_out: folder.reasons(&entries) });
     }
     lights.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.path.cmp(&b.1.path)));
     let mut fields = Vec::new();
@@ -311,12 +312,12 @@ pub fn reduce_frames(
                 && of.is_without_dark() == header.is_without_dark()
         };
         if !masters.iter().any(|(of, _)| alike(of)) {
-            let made = folder.masters(header, &entries);
+            let made = folder.masters(header, &entries, &options.reading);
             masters.push((header, made));
         }
         let Some(number) = masters.iter().position(|(of, _)| alike(of)) else { continue };
         let made = &masters[number].1;
-        let mut frame = match ImageFrame::read(&header.path) {
+        let mut frame = match ImageFrame::read_as(&header.path, &options.reading) {
             Ok(frame) => frame,
             Err(error) => {
                 folder.leave(&header.path, "cannot be read", &error.to_string());
@@ -324,13 +325,21 @@ pub fn reduce_frames(
             }
         };
         let mut how = options.field.clone();
+        // Before darks and flats, which spread the value at which pixels are cut off.
+        let told = frame.header.saturation_adu;
+        let cut = plateau(frame.pixels.view()).filter(|p| told.is_none_or(|adu| p.adu < adu));
         let lowered = made.apply(&mut frame.pixels);
-        how.saturation_adu = frame.header.saturation_adu.map(|adu| adu - lowered);
+        how.saturation_adu = cut.map(|p| p.adu).or(told).map(|adu| adu - lowered);
         how.gain_e_per_adu = frame.header.gain_e_per_adu;
         how.fit_growth = true;
-        how.is_mosaic = frame.header.bayer.is_some();
-        let field = find(frame.pixels.view(), &how)?;
-        for note in &frame.header.notes {
+        how.bayer = frame.header.bayer;
+        let mut field = find(frame.pixels.view(), &how)?;
+        if let Some(cut) = cut {
+            // The value is another one in each frame that is scaled; the fact is one.
+            field.remarks.retain(|r| *r != cut.note());
+            field.remarks.push("pixels are cut off below the end of their scale: targets with such pixels are saturated and have no rate".into());
+        }
+        for note in frame.header.notes.iter().chain(&field.remarks) {
             *folder.notes.entry(note.clone()).or_default() += 1;
         }
         fields.push(Seen { time: *time, header, field, masters: number });
@@ -377,13 +386,37 @@ impl Masters {
     }
 }
 
+/// A frame by its header. The time of a dark frame or a flat does not matter.
+fn read(
+    path: &Path,
+    kind: Option<FrameKind>,
+    options: &ReadOptions,
+) -> Result<Entry, sunglint_formats::FileError> {
+    let entry = |header: FrameHeader| {
+        let kind = kind.or(header.kind).unwrap_or(FrameKind::Light);
+        Entry { header, kind }
+    };
+    let error = match ImageFrame::read_as(path, options) {
+        Ok(frame) => return Ok(entry(frame.header)),
+        Err(error) => error,
+    };
+    let mut whenever = options.clone();
+    whenever.without_time = true;
+    match ImageFrame::read_as(path, &whenever).map(|frame| entry(frame.header)) {
+        Ok(entry) if entry.kind != FrameKind::Light => Ok(entry),
+        _ => Err(error),
+    }
+}
+
 /// Mean of frames, pixel by pixel.
-fn mean(headers: &[&FrameHeader]) -> Option<Array2<f32>> {
+fn mean(headers: &[&FrameHeader], options: &ReadOptions) -> Option<Array2<f32>> {
     const MOST: usize = 64;
     let mut sum: Option<Array2<f32>> = None;
     let mut n = 0_u16;
     for header in headers.iter().take(MOST) {
-        let Ok(frame) = ImageFrame::read(&header.path) else { continue };
+        let mut options = options.clone();
+        options.without_time = true;
+        let Ok(frame) = ImageFrame::read_as(&header.path, &options) else { continue };
         match &mut sum {
             None => sum = Some(frame.pixels),
             Some(sum) if sum.dim() == frame.pixels.dim() => *sum += &frame.pixels,
@@ -431,6 +464,29 @@ impl Folder {
         if parts.is_empty() { "nothing".into() } else { parts.join(", ") }
     }
 
+    /// Words for why nothing is left: the first file with its reason, and the frames that are not of the sky.
+    fn reasons(&self, entries: &[Entry]) -> String {
+        let mut words = self.summary();
+        if let Some([file, why]) = self.left_out_files.first() {
+            let named =
+                if why.contains(file.as_str()) { String::new() } else { format!("{file}: ") };
+            words += &format!("; the first: {named}{why}");
+        }
+        let of_kind = |kind: FrameKind| {
+            let n = entries.iter().filter(|e| e.kind == kind).count();
+            (n > 0).then(|| format!("{n} {}", kind.name()))
+        };
+        let kinds = [FrameKind::Dark, FrameKind::Bias, FrameKind::Flat];
+        let kinds: Vec<String> = kinds.into_iter().filter_map(of_kind).collect();
+        if !kinds.is_empty() {
+            words += &format!(
+                "; by their headers (IMAGETYP, FRAME, OBSTYPE) or names there are {}",
+                kinds.join(", ")
+            );
+        }
+        words
+    }
+
     /// The usable frames of the sky with the middle of their exposure; others are left out with a count.
     fn lights<'a>(&mut self, entries: &'a [Entry]) -> Vec<(Epoch, &'a FrameHeader)> {
         let mut lights = Vec::new();
@@ -457,7 +513,12 @@ impl Folder {
     }
 
     /// Dark and flat for frames like this one.
-    fn masters(&mut self, light: &FrameHeader, entries: &[Entry]) -> Masters {
+    fn masters(
+        &mut self,
+        light: &FrameHeader,
+        entries: &[Entry],
+        options: &ReadOptions,
+    ) -> Masters {
         let of_kind = |kind: FrameKind, like: &FrameHeader| -> Vec<&FrameHeader> {
             let fits = |e: &&Entry| e.kind == kind && same_camera(&e.header, like);
             entries.iter().filter(fits).map(|e| &e.header).collect()
@@ -499,7 +560,7 @@ impl Folder {
                         .or_default() += others;
                 }
             }
-            masters.dark = mean(&darks);
+            masters.dark = mean(&darks, options);
         }
         if light.reduced.contains('F') {
             return masters;
@@ -512,9 +573,10 @@ impl Folder {
                 all - flats.len();
         }
         if let Some(first) = flats.first()
-            && let Some(mut flat) = mean(&flats)
+            && let Some(mut flat) = mean(&flats, options)
         {
-            if let Some(dark) = mean(&dark_of(first)).filter(|dark| dark.dim() == flat.dim()) {
+            let dark = mean(&dark_of(first), options).filter(|dark| dark.dim() == flat.dim());
+            if let Some(dark) = dark {
                 flat -= &dark;
             } else {
                 *self
@@ -1254,6 +1316,10 @@ fn measured(
     Ok(out)
 }
 
+/// Standard deviation of sums of green light over what the median of its pixels' distances says: √2 of a green pixel's own, and half of the pixels are means of four, so that
+/// the median says 0.685 of it.
+const GREEN_NOISE: f64 = std::f64::consts::SQRT_2 / 0.685;
+
 /// The light along a streak in the order of time; empty where the direction of motion is not known.
 fn parts(
     seen: &Seen<'_>,
@@ -1264,10 +1330,18 @@ fn parts(
 ) -> Result<Vec<Part>, ReduceError> {
     let streak = &seen.field.streaks[streak];
     let Some(motion) = motion else { return Ok(Vec::new()) };
-    let mut frame = ImageFrame::read(&seen.header.path)?;
+    let mut frame = ImageFrame::read_as(&seen.header.path, &options.reading)?;
     masters.apply(&mut frame.pixels);
-    let gain = frame.header.gain_e_per_adu;
-    let parts: Vec<Along> = along(frame.pixels.view(), streak, options.parts, gain)?;
+    let mut gain = frame.header.gain_e_per_adu;
+    let mut noise = 1.0;
+    if let Some(pattern) = frame.header.bayer {
+        frame.pixels = green_light(frame.pixels.view(), pattern);
+        gain = gain.map(|gain| 0.5 * gain);
+        // The scatter of pixels that are means of others is below that of their sums.
+        noise = GREEN_NOISE;
+    }
+    let mut parts: Vec<Along> = along(frame.pixels.view(), streak, options.parts, gain)?;
+    parts.iter_mut().for_each(|part| part.sigma_adu *= noise);
     let [a, b] = streak.ends_px;
     let is_forward = (b[0] - a[0]) * motion[0] + (b[1] - a[1]) * motion[1] >= 0.0;
     let exposure = seen.header.exposure_s.unwrap_or(0.0);

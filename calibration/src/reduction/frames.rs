@@ -3,7 +3,7 @@
 use super::library::Library;
 use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
-use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
+use super::sensor::{Sensor, Taken, Used, bad_count, filter_of, said_kind};
 use super::sky::Body;
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
@@ -16,7 +16,7 @@ use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
 use sunglint_formats::Frame;
-use sunglint_formats::session::{FrameFile, Session};
+use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
@@ -47,6 +47,10 @@ pub struct CameraNight {
     pub outside: u64,
     /// Frames whose exposure goes on after the stay: they have no rate.
     pub partly: u64,
+    /// Frames in visits to targets that are dark or bias frames by their headers: they have no rate.
+    pub without_light: u64,
+    /// Frames that may be another program's.
+    pub shared: u64,
     /// Width of points assumed for each stay, px: as told, or as its own frames show them.
     pub fwhm_px: Vec<f64>,
     /// Radius of the aperture, inner and outer radius of the annulus, px.
@@ -233,6 +237,9 @@ pub fn camera_night(
     let mut options = how.photometry.clone();
     let library = how.library.as_ref().map(|library| (library, instrument(&files, camera)));
     let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, library, &mut failed);
+    if how.library.is_some() && !stays.iter().any(|stay| stay.target.on) {
+        sensor.keep_all()?;
+    }
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     let mut widest_px = options.fwhm_px;
@@ -254,6 +261,8 @@ pub fn camera_night(
         tally: Tally::default(),
         outside: 0,
         partly: 0,
+        without_light: 0,
+        shared: 0,
         fwhm_px,
         aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
         sensor: Used::default(),
@@ -282,9 +291,14 @@ pub fn camera_night(
         };
         let mut expected =
             Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
-        let refused = by_hand.refused.contains(&i);
+        let mut refused = by_hand.refused.contains(&i);
         let measured = match file.read() {
             Ok(frame) => {
+                let dark = [TargetKind::Dark, TargetKind::Bias].map(Some);
+                if dark.contains(&said_kind(&frame)) {
+                    refused = true;
+                    night.without_light += 1;
+                }
                 let within_px = by_hand.first.get(&stay).map(|first| {
                     let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
                     expected.place_px =
@@ -309,6 +323,10 @@ pub fn camera_night(
         }
         match measured {
             Ok((frame, mut measured)) => {
+                if frame.header.get(SHARED).is_some() {
+                    night.shared += 1;
+                    measured.planes.iter_mut().for_each(|plane| plane.flags |= Flags::SHARED);
+                }
                 let end = frame.start + frame.exposure_s * Unit::Second;
                 if end > stays[stay].to {
                     night.partly += 1;
@@ -349,6 +367,20 @@ pub fn camera_night(
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
     reducers.finish(&mut night);
+    for (count, what) in [
+        (
+            night.without_light,
+            "frames in visits to targets are dark or bias frames by their headers: they have no rate",
+        ),
+        (
+            night.shared,
+            "frames may be another program's, which used the camera, too: they have the flag SHARED",
+        ),
+    ] {
+        if count > 0 {
+            night.warnings.push(format!("camera {camera}: {count} {what}"));
+        }
+    }
     night.failed = failed;
     Ok(night)
 }
@@ -561,7 +593,14 @@ struct Reducers<'a> {
     filters: Vec<String>,
     /// Frames behind filters that no channel has, by filter.
     unknown: BTreeMap<String, u64>,
+    /// Name of the station.
+    station: &'a str,
+    /// Numbers of the frames that are not those of the station, in words.
+    differing: BTreeSet<String>,
 }
+
+/// Parts by which a frame's gain and its saturation may differ from the station's without a word: of some cameras the level without light is in the saturation.
+const DIFFERS: [f64; 2] = [0.01, 0.1];
 
 #[derive(Debug)]
 struct Held {
@@ -575,7 +614,7 @@ impl<'a> Reducers<'a> {
         options: PhotometryOptions,
         sensor: Sensor<'a>,
         camera: &'a str,
-        station: &Station,
+        station: &'a Station,
     ) -> Self {
         let all = station.channels.iter();
         let camera_channels = all.filter(|c| matches!(c.detector, Detector::CameraPlane(_)));
@@ -591,6 +630,26 @@ impl<'a> Reducers<'a> {
             bad_pixels: 0,
             filters: filters.unwrap_or_default(),
             unknown: BTreeMap::new(),
+            station: &station.name,
+            differing: BTreeSet::new(),
+        }
+    }
+
+    /// Notes where a frame's own gain or saturation is not the station's.
+    fn compare(&mut self, frame: &Frame) {
+        let own = [frame.gain_e_per_adu, frame.saturation_adu];
+        let usual = [self.options.gain_e_per_adu, self.options.saturation_adu];
+        let words = ["e⁻/ADU (EGAIN)", "ADU as their saturation (SATURATE)"];
+        let rules =
+            ["their own counts", "the lower counts where the gain is the same, else their own"];
+        for (i, (own, usual)) in own.into_iter().zip(usual).enumerate() {
+            let Some((own, usual)) = own.zip(usual).filter(|(own, _)| *own > 0.0) else { continue };
+            if (own / usual - 1.0).abs() > DIFFERS[i] {
+                let (word, rule, station) = (words[i], rules[i], self.station);
+                self.differing.insert(format!(
+                    "frames say {own} {word}, station {station} has {usual}: {rule}"
+                ));
+            }
         }
     }
 
@@ -615,6 +674,7 @@ impl<'a> Reducers<'a> {
             None => {
                 if !self.settings.iter().any(|known| known.is_like(&taken)) {
                     self.settings.push(taken.clone());
+                    self.compare(frame);
                 }
                 let calibration = self.sensor.calibration(&taken)?;
                 let bad = calibration.bad.as_ref().map_or(0, bad_count);
@@ -666,10 +726,12 @@ impl<'a> Reducers<'a> {
         night.sensor = self.sensor.used();
         night.from_library = std::mem::take(&mut self.sensor.from_library).into_iter().collect();
         night.to_library = std::mem::take(&mut self.sensor.to_library).into_iter().collect();
-        night.warnings.append(&mut self.sensor.warnings);
+        let camera = self.camera;
+        let sensor = std::mem::take(&mut self.sensor.warnings).into_iter();
+        let all = sensor.chain(std::mem::take(&mut self.differing));
+        night.warnings.extend(all.map(|warning| format!("camera {camera}: {warning}")));
         night.settings = self.settings.len();
         night.bad_pixels = self.bad_pixels;
-        let camera = self.camera;
         let mut gains: Vec<f64> = self.settings.iter().filter_map(Taken::gain).collect();
         gains.sort_by(f64::total_cmp);
         gains.dedup();

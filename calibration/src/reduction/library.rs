@@ -1,7 +1,7 @@
 //! Library of master calibration frames: a folder that nights share, with the mean dark, bias and flat of each setting of each camera, and its bad pixels.
 //!
 //! A reduction adds what its session's own frames give, and takes from it what a session lacks: masters of the same camera, window and binning, a dark of the same exposure,
-//! gain and temperature, a bias frame of the same gain, a flat behind the same filter. Of several the latest is taken. A master is a FITS file: the mean (32-bit
+//! gain and temperature, a bias frame of the same gain, a flat of the same gain behind the same filter. Of several the latest is taken. A master is a FITS file: the mean (32-bit
 //! floats) and, of darks, the mask of bad pixels.
 
 use super::sensor::Taken;
@@ -267,9 +267,8 @@ fn file_name(kind: MasterKind, camera: &str, taken: &Taken, date: &str) -> Strin
     }
     if kind == MasterKind::Flat {
         parts.extend(taken.filter.as_deref().map(plain));
-    } else {
-        parts.extend(taken.gain.map(|gain| format!("gain{gain}")));
     }
+    parts.extend(taken.gain.map(|gain| format!("gain{gain}")));
     let (rows, columns) = taken.dim;
     let ([x, y], [across, down]) = (taken.origin, taken.binning);
     parts.push(format!("{columns}x{rows}+{x}+{y}"));

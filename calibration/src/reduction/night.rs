@@ -130,8 +130,16 @@ pub fn reduce_with(
     each: &mut dyn FnMut(&[CountChannel], &Stay, &Sample),
 ) -> Result<Reduced, ReduceError> {
     let root = session.root().display();
-    let stays = chosen(stays(session)?, options.target.as_deref(), options.visit)
-        .within(|| format!("session {root}"))?;
+    let all = stays(session)?;
+    // Calibration frames alone fill a library.
+    let fills = options.target.is_none()
+        && options.frames.as_ref().is_some_and(|frames| frames.library.is_some())
+        && !all.iter().any(|stay| stay.target.on);
+    let stays = match fills {
+        true => all,
+        false => chosen(all, options.target.as_deref(), options.visit)
+            .within(|| format!("session {root}"))?,
+    };
     let mut warnings = Vec::new();
     if session.manifest().station != station.name {
         warnings.push(format!(
@@ -153,6 +161,11 @@ pub fn reduce_with(
         }
         warnings.extend(night.warnings.iter().cloned());
         cameras.push(night);
+    }
+    let calibrates =
+        |night: &CameraNight| night.sensor.darks[0] + night.sensor.bias + night.sensor.flats[0] > 0;
+    if fills && !cameras.iter().any(calibrates) {
+        return Err(ReduceError::NoTarget).within(|| format!("session {root}"));
     }
     let tracks = tracks(&cameras, stays.len());
     let seen_off = seen_off(&tracks, station, options);

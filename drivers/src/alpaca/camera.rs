@@ -5,12 +5,15 @@ use super::http::Response;
 use super::image::{AlpacaImage, HEADER_BYTES, ImageError, image_bytes, image_json};
 use super::session::{Place, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
-use crate::device::{self, Device, DeviceError, Identity, Limits, Origin, Setting, Value, Window};
+use crate::device::{
+    self, Device, DeviceError, FrameType, HostTime, Identity, Limits, Origin, Setting, Value,
+    Window,
+};
 use crate::transport::Bytes;
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_formats::fits::Header;
-use sunglint_formats::time::{format_utc_shortest, parse_utc};
+use sunglint_formats::time::parse_utc;
 use sunglint_formats::{Bayer, Frame};
 
 const DEVICE: &str = "Alpaca camera";
@@ -18,8 +21,6 @@ const DEVICE: &str = "Alpaca camera";
 const JSON_PIXEL_BYTES: usize = 9;
 /// More pixels along a side than any sensor has.
 const MOST_SIDE: i64 = 100_000;
-/// A server's time of an exposure that is farther from the host's counts as wrong, s.
-const CLOCKS_S: f64 = 5.0;
 
 /// A camera of an Alpaca server.
 ///
@@ -31,6 +32,7 @@ pub struct Camera<T> {
     window: Window,
     bayer: Option<Bayer>,
     limits: Limits,
+    frame_type: FrameType,
     aborts: bool,
     /// The last exposure could not be stopped.
     running: bool,
@@ -75,7 +77,16 @@ impl<T: Bytes> Camera<T> {
         };
         let aborts = session.can("canabortexposure", deadline)?;
         let window = Window { origin_px: [0, 0], size_px: sensor_px, binning: [1, 1] };
-        let mut camera = Self { session, sensor_px, window, bayer, limits, aborts, running: false };
+        let mut camera = Self {
+            session,
+            sensor_px,
+            window,
+            bayer,
+            limits,
+            frame_type: FrameType::default(),
+            aborts,
+            running: false,
+        };
         camera.window = camera.read_window(deadline)?;
         Ok(camera)
     }
@@ -205,15 +216,14 @@ impl<T: Bytes> Camera<T> {
         Ok(image)
     }
 
-    /// Begin of the last exposure, as the server says it.
-    fn began(&mut self, asked: Epoch, deadline: &Deadline) -> Result<Option<Epoch>, DeviceError> {
+    /// Begin of the last exposure, as the server says it, with fractions of a second.
+    fn began(&mut self, deadline: &Deadline) -> Result<Option<Epoch>, DeviceError> {
         let Some(text) = self.session.text("lastexposurestarttime", deadline)? else {
             return Ok(None);
         };
         let text = text.trim_end_matches("+00:00");
         let fine = text.contains('.');
-        let began = parse_utc(text).ok().filter(|_| fine);
-        Ok(began.filter(|began| (*began - asked).to_seconds().abs() < CLOCKS_S))
+        Ok(parse_utc(text).ok().filter(|_| fine))
     }
 }
 
@@ -267,10 +277,28 @@ impl<T: Bytes> Device for Camera<T> {
         if let Some(bayer) = self.bayer {
             add("bayer", Value::Text(bayer.name().into()));
         }
+        settings.push(Setting {
+            name: FrameType::SETTING.0,
+            value: Value::Text(self.frame_type.word().into()),
+            origin: Origin::Configured,
+        });
+        let mut add = |name, value| {
+            settings.push(Setting { name, value, origin: Origin::ReadBack });
+        };
         if let Some(temperature) = temperature {
             add("temperature_c", Value::Number(temperature));
         }
         Ok(settings)
+    }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[FrameType::SETTING]
+    }
+
+    /// The server is told with each exposure whether there is light in it.
+    fn set_own(&mut self, name: &str, value: &str, _: &Deadline) -> Result<Value, DeviceError> {
+        self.frame_type = FrameType::of_setting(name, value)?;
+        Ok(Value::Text(value.to_owned()))
     }
 }
 
@@ -347,45 +375,37 @@ impl<T: Bytes> device::Camera for Camera<T> {
             let name = "exposure, s";
             return Err(DeviceError::OutOfRange { name, asked: exposure_s, least, most });
         }
-        let begun = utc_now();
-        let parameters = [("Duration", exposure_s.to_string()), ("Light", "true".to_owned())];
+        let asked = utc_now();
+        // ASCOM's `Light` opens the shutter, if there is one.
+        let light = !matches!(self.frame_type, FrameType::Dark | FrameType::Bias);
+        let parameters = [("Duration", exposure_s.to_string()), ("Light", light.to_string())];
         let put = self.session.put_once("startexposure", &parameters, deadline);
         put.map_err(|fail| fail.error(DEVICE, &format!("an exposure of {exposure_s} s")))?;
-        // It began between the request and its answer.
-        let asked = begun + 0.5 * (utc_now() - begun);
+        let host = HostTime { asked, answered: utc_now() };
         if let Err(error) = self.await_frame(exposure_s, deadline) {
             return Err(self.stop_after(error, deadline));
         }
         let image = self.read_image(deadline)?;
-        let began = self.began(asked, deadline)?;
+        let began = self.began(deadline)?;
         let took = self.session.optional_number("lastexposureduration", deadline)?;
         let took = took.filter(|s| *s >= 0.0 && (*s - exposure_s).abs() <= 0.5 * exposure_s + 0.1);
         let temperature_c = self.session.optional_number("ccdtemperature", deadline)?;
         let gain = self.session.optional_number("electronsperadu", deadline)?;
         let full = self.session.optional_number("maxadu", deadline)?;
-        let mut header = Header::default();
-        let text = format_utc_shortest(asked);
-        header.set("HOSTDATE", text.trim_end_matches('Z'), "UTC of the host when it asked");
-        if let Some(began) = began {
-            let late = (began - asked).to_seconds();
-            header.set("HOSTDIFF", late, "s, DATE-OBS less HOSTDATE");
-        } else {
-            header.comment(
-                "DATE-OBS: when the host asked; the server tells no time that is fine enough",
-            );
-        }
         let Window { origin_px, binning, .. } = self.window;
-        Ok(Frame {
+        let mut frame = Frame {
             pixels: image.pixels,
             origin: origin_px,
             binning,
             bayer: self.bayer.and_then(|pattern| pattern.of_frame(origin_px, binning)),
-            start: began.unwrap_or(asked),
+            start: asked,
             exposure_s: took.unwrap_or(exposure_s),
             gain_e_per_adu: gain.filter(|gain| *gain > 0.0),
             temperature_c,
             saturation_adu: full.filter(|full| (1.0..=65_535.0).contains(full)),
-            header,
-        })
+            header: Header::default(),
+        };
+        host.date(&mut frame, began);
+        Ok(frame)
     }
 }

@@ -69,7 +69,11 @@ impl<T: Bytes> Session<T> {
                     "the devices of {} (list them: devices list --alpaca {})",
                     place.server, place.server
                 );
-                return Err(DeviceError::Unknown { name: "Alpaca device", asked, known });
+                return Err(DeviceError::Unknown {
+                    name: DeviceError::ALPACA_DEVICE,
+                    asked,
+                    known,
+                });
             }
             Err(fail) => return Err(fail.error(label, "connected")),
         };

@@ -101,6 +101,10 @@ impl<T: Bytes> FilterWheel for Wheel<T> {
         self.position(deadline)?.ok_or(DeviceError::NotReady { device: DEVICE, reason })
     }
 
+    fn look(&mut self, deadline: &Deadline) -> Result<Vec<Option<u32>>, DeviceError> {
+        self.position(deadline).map(|position| vec![position])
+    }
+
     fn select(&mut self, slot: u32, deadline: &Deadline) -> Result<u32, Interrupted<Option<u32>>> {
         self.turn_to(slot, deadline).map_err(|error| {
             let grace = deadline.grace(self.session.settings.answer_within);

@@ -97,6 +97,18 @@ impl Address {
         (self.driver.open)(line, self, deadline)
     }
 
+    /// Whether both name the same device: driver, server and device, or, without a place, what was said to find it. Each simulated device is one of its own.
+    pub fn is_same_device(&self, other: &Self) -> bool {
+        if self.driver.name != other.driver.name || self.driver.simulated || self.is_recording() {
+            return false;
+        }
+        match (&self.place, &other.place) {
+            (None, None) => self.given_options() == other.given_options(),
+            (Some(own), Some(other)) => plain(own) == plain(other),
+            _ => false,
+        }
+    }
+
     /// Whether it names what was recorded before: it has times of its own, and an end.
     pub fn is_recording(&self) -> bool {
         self.driver.name == opencv::OPENCV.name
@@ -130,6 +142,25 @@ impl Address {
     pub(super) fn found(&mut self, name: &'static str, value: String) {
         self.options.set(name, value);
     }
+}
+
+/// A place without what two names of the same may differ in: how this computer is called, the usual port of INDI.
+fn plain(place: &str) -> String {
+    let Some((host, rest)) = place.split_once('/').filter(|(host, _)| !host.is_empty()) else {
+        // A serial port, or an INDI device of this computer.
+        return if place.contains('/') {
+            place.to_owned()
+        } else {
+            plain(&format!("localhost/{place}"))
+        };
+    };
+    let (name, port) = match host.rsplit_once(':') {
+        Some((name, port)) if !host.ends_with(']') => (name, port.to_owned()),
+        _ => (host, crate::indi::PORT.to_string()),
+    };
+    let own = ["localhost", "127.0.0.1", "[::1]"];
+    let name = if own.contains(&name.to_ascii_lowercase().as_str()) { own[0] } else { name };
+    format!("{}:{port}/{rest}", name.to_ascii_lowercase())
 }
 
 impl fmt::Display for Address {
@@ -180,6 +211,35 @@ mod tests {
         assert!(wrong("tmcl", &["gear"]).contains("expected NAME=VALUE"));
         assert!(wrong("tmcl", &["gear=1", "gear=2"]).contains("once"));
         assert!(wrong("zzz", &[]).contains("one of timetagger, tmcl, apt, indi-camera"));
+    }
+
+    /// Truth: by hand: this computer has several names, INDI's port is 7624; other devices, drivers and simulated ones are not the same.
+    #[test]
+    fn one_device_is_known_by_its_names() {
+        let same = |a: &str, b: &str| {
+            let of = |text| Address::parse(text, &[]).unwrap();
+            of(a).is_same_device(&of(b))
+        };
+        for (a, b) in [
+            ("indi-camera:localhost:7624/CCD Simulator", "indi-camera:127.0.0.1/CCD Simulator"),
+            ("indi-camera:CCD Simulator", "indi-camera:LocalHost:7624/CCD Simulator"),
+            ("indi-camera:lab:7700/A", "indi-camera:LAB:7700/A"),
+            ("alpaca-camera:127.0.0.1:11111/0", "alpaca-camera:localhost:11111/0"),
+            ("timetagger", "timetagger"),
+            ("ophir:/dev/ttyUSB0", "ophir:/dev/ttyUSB0"),
+        ] {
+            assert!(same(a, b), "{a} {b}");
+        }
+        for (a, b) in [
+            ("indi-camera:lab/A", "indi-camera:lab/B"),
+            ("indi-camera:lab/A", "indi-wheel:lab/A"),
+            ("indi-camera:lab:7624/A", "indi-camera:lab:7625/A"),
+            ("alpaca-camera:127.0.0.1:11111/0", "alpaca-camera:127.0.0.1:11111/1"),
+            ("sim-camera", "sim-camera"),
+            ("ophir:/dev/ttyUSB0", "ophir:/dev/ttyUSB1"),
+        ] {
+            assert!(!same(a, b), "{a} {b}");
+        }
     }
 
     #[test]

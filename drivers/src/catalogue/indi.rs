@@ -210,6 +210,30 @@ fn simulated_server(_: &mut Address, deadline: &Deadline) -> Result<Line, Device
     Ok(Line::bytes(Simulated::new(Server::new(ServerSettings { epoch, ..settings }, Ramp))))
 }
 
+/// Devices of a server that are named at most in an error.
+const MOST_NAMED: usize = 12;
+
+/// The error of a device that its server does not have, with those that it has: it is asked anew, because it says nothing about others to who asked for one.
+fn with_known(error: DeviceError, address: &Address, deadline: &Deadline) -> DeviceError {
+    let DeviceError::Unknown { name: DeviceError::INDI_DEVICE, asked, .. } = &error else {
+        return error;
+    };
+    let place = address.place.as_deref().and_then(|place| parts(place).ok());
+    let Some((server, _)) = place else { return error };
+    let Ok(line) = Tcp::connect(&server, deadline) else { return error };
+    let settings = SessionSettings::default();
+    let Ok(devices) = crate::indi::devices(line, settings, deadline) else { return error };
+    let mut names: Vec<String> = devices.into_iter().map(|device| device.name).collect();
+    if names.is_empty() {
+        return error;
+    }
+    let more = names.len().saturating_sub(MOST_NAMED);
+    names.truncate(MOST_NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let known = format!("a device that {server} has: {}{more}", names.join(", "));
+    DeviceError::Unknown { name: DeviceError::INDI_DEVICE, asked: asked.clone(), known }
+}
+
 /// The device's name: as the address says, or that of the simulated one.
 fn name(address: &Address, simulated: String) -> Result<String, DeviceError> {
     match &address.place {
@@ -225,35 +249,40 @@ fn camera(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevic
     if let Some(mib) = address.integer::<usize>(FRAME_MIB) {
         settings.session.limits.blob_bytes = mib << 20;
     }
-    let camera = open_camera(line, &name, settings, deadline)?;
+    let camera = open_camera(line, &name, settings, deadline)
+        .map_err(|error| with_known(error, address, deadline))?;
     Ok(AnyDevice::Camera(Box::new(camera)))
 }
 
 fn rotator(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let name = name(address, RotatorSpec::default().name)?;
     let line = line.into_bytes(SERVER)?;
-    let rotator = open_rotator(line, &name, RotatorSettings::default(), deadline)?;
+    let rotator = open_rotator(line, &name, RotatorSettings::default(), deadline)
+        .map_err(|error| with_known(error, address, deadline))?;
     Ok(AnyDevice::RotationStage(Box::new(rotator)))
 }
 
 fn wheel(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let name = name(address, WheelSpec::default().name)?;
     let line = line.into_bytes(SERVER)?;
-    let wheel = open_wheel(line, &name, SessionSettings::default(), deadline)?;
+    let wheel = open_wheel(line, &name, SessionSettings::default(), deadline)
+        .map_err(|error| with_known(error, address, deadline))?;
     Ok(AnyDevice::FilterWheel(Box::new(wheel)))
 }
 
 fn focuser(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let name = name(address, "Focuser Simulator".to_owned())?;
     let line = line.into_bytes(SERVER)?;
-    let focuser = Focuser::open(line, &name, SessionSettings::default(), deadline)?;
+    let focuser = Focuser::open(line, &name, SessionSettings::default(), deadline)
+        .map_err(|error| with_known(error, address, deadline))?;
     Ok(AnyDevice::Focuser(Box::new(focuser)))
 }
 
 fn mount(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let name = name(address, "Telescope Simulator".to_owned())?;
     let line = line.into_bytes(SERVER)?;
-    let mount = open_mount(line, &name, MountSettings::default(), deadline)?;
+    let mount = open_mount(line, &name, MountSettings::default(), deadline)
+        .map_err(|error| with_known(error, address, deadline))?;
     Ok(AnyDevice::Mount(Box::new(mount)))
 }
 

@@ -141,7 +141,7 @@ pub enum DeviceError {
     Taken {
         /// The device.
         device: &'static str,
-        /// What was done to it.
+        /// The act that failed.
         what: &'static str,
     },
     /// A driver that this program does not have.
@@ -235,6 +235,16 @@ impl fmt::Display for Side {
 }
 
 impl DeviceError {
+    /// Name in [`Unknown`](Self::Unknown) of a device that an INDI server does not have.
+    pub(crate) const INDI_DEVICE: &'static str = "INDI device";
+    /// The same of an Alpaca server.
+    pub(crate) const ALPACA_DEVICE: &'static str = "Alpaca device";
+
+    /// Whether its server does not have the device, which may have another name, or a driver that is yet to start.
+    pub fn is_not_served(&self) -> bool {
+        matches!(self, Self::Unknown { name, .. } if [Self::INDI_DEVICE, Self::ALPACA_DEVICE].contains(name))
+    }
+
     /// Whether the same request will fail for ever: a value beyond the device's range, a driver that is not there, a recording that is damaged.
     pub fn is_permanent(&self) -> bool {
         matches!(self, Self::OutOfRange { .. } | Self::Unavailable { .. } | Self::Damaged { .. })

@@ -1,17 +1,20 @@
 //! A camera.
 
 use super::client::{Blobs, Wanted, declined, hear};
-use super::image::{Taken, Unfit, from_blob};
+use super::image::{Exposed, Taken, Unfit, from_blob};
 use super::property::{Blob, Event, State};
 use super::session::{Kind, Session, SessionSettings, check_range};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
-    self, Device, DeviceError, Identity, Interrupted, Limits, Origin, Setting, Value, Window,
+    self, Device, DeviceError, FrameType, Identity, Interrupted, Limits, Origin, Setting, Value,
+    Window,
 };
 use crate::transport::Bytes;
 use hifitime::Epoch;
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::time::Duration;
+use sunglint_formats::session::SHARED;
 use sunglint_formats::{Bayer, Frame};
 
 pub(super) const DEVICE: &str = "INDI camera";
@@ -46,29 +49,13 @@ impl Default for CameraSettings {
     }
 }
 
-/// Purpose of a frame; the driver closes a shutter, if there is one, and says it in the header.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FrameType {
-    /// The sky.
-    Light,
-    /// The least exposure in the dark.
-    Bias,
-    /// In the dark.
-    Dark,
-    /// A lit screen.
-    Flat,
-}
-
-impl FrameType {
-    const ALL: [Self; 4] = [Self::Light, Self::Bias, Self::Dark, Self::Flat];
-
-    fn switch(self) -> &'static str {
-        match self {
-            Self::Light => "FRAME_LIGHT",
-            Self::Bias => "FRAME_BIAS",
-            Self::Dark => "FRAME_DARK",
-            Self::Flat => "FRAME_FLAT",
-        }
+/// The switch of a frame's purpose.
+fn switch(kind: FrameType) -> &'static str {
+    match kind {
+        FrameType::Light => "FRAME_LIGHT",
+        FrameType::Bias => "FRAME_BIAS",
+        FrameType::Dark => "FRAME_DARK",
+        FrameType::Flat => "FRAME_FLAT",
     }
 }
 
@@ -94,10 +81,14 @@ pub struct Camera<T> {
 }
 
 /// Evidence of other programs that use the same camera.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Others {
     /// Whether any was seen.
     seen: bool,
+    /// Whether the last frame alone may be another's.
+    doubted: bool,
+    /// How much later than they were asked for the last exposures began, by the server's clock, s.
+    later_s: VecDeque<f64>,
     /// Whether the driver has given an exposure as it was asked for.
     exact: bool,
     /// An exposure that the driver gave instead, s, and how often in a row.
@@ -107,6 +98,25 @@ struct Others {
 impl Others {
     /// Frames in a row that a driver may take for its own reading of the exposure, before that is believed.
     const TRIES: u32 = 3;
+    /// Frames whose begin is usual, fewest and most.
+    const USUAL: [usize; 2] = [3, 9];
+    /// An exposure that began so much earlier than usual had begun before it was asked for, s.
+    const EARLIER_S: f64 = 0.2;
+
+    /// Whether an exposure that began so much later than it was asked for, by the server's clock, had begun before: both clocks may be apart, but not once
+    /// more than at other times.
+    fn is_early(&mut self, later_s: f64) -> bool {
+        let mut usual: Vec<f64> = self.later_s.iter().copied().collect();
+        usual.sort_by(f64::total_cmp);
+        let early =
+            usual.len() >= Self::USUAL[0] && later_s < usual[usual.len() / 2] - Self::EARLIER_S;
+        // A clock that was set becomes usual, too.
+        self.later_s.push_back(later_s);
+        if self.later_s.len() > Self::USUAL[1] {
+            self.later_s.pop_front();
+        }
+        early
+    }
 
     /// Whether a frame with the exposure `got`, s, may be the one of `asked`, s. A driver that rounds exposures gives the same value each time, and no other
     /// program shows.
@@ -129,6 +139,24 @@ fn is_exposure(got: f64, asked: f64) -> bool {
     (got - asked).abs() <= (1e-3 * asked).max(5e-4)
 }
 
+/// Drivers may round what is left of an exposure that is longer, s, up to a whole second.
+const ROUNDED_S: f64 = 1.0;
+
+/// Whether what is left of an exposure of ours, s, can be of it.
+fn is_left_of(left_s: f64, exposure_s: f64) -> bool {
+    let most_s = if exposure_s > ROUNDED_S { exposure_s.ceil() } else { exposure_s };
+    left_s <= most_s || is_exposure(left_s, exposure_s)
+}
+
+/// Whether an exposure of `exposure_s` that had `before` s left, and now has `now`, has begun anew: it only counts down. Whole seconds may come twice, because
+/// drivers round to them.
+fn begins_anew(before: f64, now: f64, exposure_s: f64) -> bool {
+    let whole = exposure_s > ROUNDED_S;
+    let rounding_s = if whole { ROUNDED_S } else { 0.0 };
+    let again = now == exposure_s && before == exposure_s && (!whole || exposure_s.fract() != 0.0);
+    again || now > before + rounding_s + 1e-6
+}
+
 /// Time in which what came before an exposure is read.
 const BEFORE: Duration = Duration::from_millis(2);
 /// The same from a driver that never stops.
@@ -138,8 +166,6 @@ const HEADER_BYTES: usize = 1 << 20;
 const PIXEL_BYTES: usize = 8;
 /// The BLOBs of a camera that has not said how large its sensor is.
 const UNKNOWN_BYTES: usize = 64 << 20;
-/// Card of a frame that may be another program's.
-const SHARED: &str = "SHARED";
 /// Card of an exposure that the driver changed.
 const ASKED: &str = "EXPASKED";
 
@@ -259,7 +285,7 @@ impl<T: Bytes> Camera<T> {
         frame_type: FrameType,
         deadline: &Deadline,
     ) -> Result<(), DeviceError> {
-        let all = FrameType::ALL.map(|each| (each.switch(), each == frame_type));
+        let all = FrameType::ALL.map(|each| (switch(each), each == frame_type));
         self.configure("CCD_FRAME_TYPE", Wanted::Switches(&all), deadline)?;
         self.wishes.frame_type = Some(frame_type);
         Ok(())
@@ -441,13 +467,22 @@ impl<T: Bytes> Camera<T> {
     }
 
     /// Waits for the frame of the exposure that was just asked for.
-    fn await_frame(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<Blob, DeviceError> {
+    ///
+    /// Gives it with the host's time at which the server had taken the request.
+    fn await_frame(
+        &mut self,
+        exposure_s: f64,
+        deadline: &Deadline,
+    ) -> Result<(Blob, Epoch), DeviceError> {
         let device = self.session.device.clone();
+        let utc = self.settings.utc;
         let awaited = format!("the frame of an exposure of {exposure_s} s");
         let mut said = Vec::new();
         // A frame that comes before the server took the request is that of another exposure.
-        let mut begun = false;
-        let mut others = false;
+        let mut begun = None;
+        // What was left of it last.
+        let mut before: Option<f64> = None;
+        let (mut others, mut doubted) = (false, false);
         let found =
             self.session.client.wait(&device, &awaited, deadline, |client, event| match event {
                 Event::Message { text, .. } => {
@@ -460,16 +495,22 @@ impl<T: Bytes> Camera<T> {
                     // It counts down from what was asked: what is more is another's.
                     let left = client.property(&device, "CCD_EXPOSURE");
                     let left = left.and_then(|vector| vector.number("CCD_EXPOSURE_VALUE"));
-                    let own =
-                        left.is_none_or(|left| left <= exposure_s || is_exposure(left, exposure_s));
-                    others |= state == State::Busy && !own;
-                    begun |= state == State::Busy && own;
+                    let own = left.is_none_or(|left| is_left_of(left, exposure_s));
+                    if state == State::Busy {
+                        others |= !own;
+                        if own {
+                            begun.get_or_insert_with(utc);
+                            let again = |(before, now)| begins_anew(before, now, exposure_s);
+                            doubted |= before.zip(left).is_some_and(again);
+                            before = left.or(before);
+                        }
+                    }
                     let request = format!("an exposure of {exposure_s} s");
                     (state == State::Alert).then(|| Err(declined(DEVICE, request, &said)))
                 }
                 Event::Blob(place, blob) if place.device == device && place.name == BLOB => {
-                    others |= !begun;
-                    begun.then_some(Ok(blob))
+                    others |= begun.is_none();
+                    begun.map(|begun| Ok((blob, begun)))
                 }
                 Event::Damaged(place, what) if place.device == device && place.name == BLOB => {
                     Some(Err(DeviceError::Protocol { device: DEVICE, reason: what }))
@@ -481,6 +522,7 @@ impl<T: Bytes> Camera<T> {
                 _ => None,
             });
         self.others.seen |= others;
+        self.others.doubted = doubted;
         found
     }
 
@@ -511,7 +553,11 @@ impl<T: Bytes> Camera<T> {
     }
 
     /// Holds a frame against what was asked for.
-    fn check_frame(&mut self, frame: &mut Frame, exposure_s: f64) -> Result<(), String> {
+    fn check_frame(
+        &mut self,
+        Exposed { frame, later_s }: &mut Exposed,
+        exposure_s: f64,
+    ) -> Result<(), String> {
         let got = frame.exposure_s;
         if !self.others.takes(got, exposure_s) {
             return Err(format!("its exposure is {got} s, asked was {exposure_s} s"));
@@ -520,16 +566,10 @@ impl<T: Bytes> Camera<T> {
             frame.header.set(ASKED, exposure_s, "s, asked for; the driver takes another");
         }
         if let (Some(asked), Some(said)) = (self.wishes.frame_type, frame.header.text("FRAME")) {
-            let word = asked.switch().trim_start_matches("FRAME_");
-            let known = FrameType::ALL.iter().any(|kind| {
-                said.trim().eq_ignore_ascii_case(kind.switch().trim_start_matches("FRAME_"))
-            });
-            if known && !said.trim().eq_ignore_ascii_case(word) {
-                return Err(format!(
-                    "it is a {} frame, asked was {}",
-                    said.trim(),
-                    word.to_lowercase()
-                ));
+            let said = said.trim();
+            let known = FrameType::ALL.iter().any(|kind| said.eq_ignore_ascii_case(kind.word()));
+            if known && !said.eq_ignore_ascii_case(asked.word()) {
+                return Err(format!("it is a {said} frame, asked was {}", asked.word()));
             }
         }
         if let Some(asked) = self.wishes.gain {
@@ -539,7 +579,8 @@ impl<T: Bytes> Camera<T> {
                 return Err(format!("another program has set the gain to {now}, ours is {asked}"));
             }
         }
-        if self.others.seen {
+        self.others.doubted |= self.others.is_early(*later_s);
+        if self.others.seen || self.others.doubted {
             frame.header.set(SHARED, true, "another program uses this camera: it may be its frame");
         }
         Ok(())
@@ -587,23 +628,14 @@ impl<T: Bytes> Device for Camera<T> {
 
     fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
         match self.session.property("CCD_FRAME_TYPE") {
-            Some(_) => &[("frame_type", "light, bias, dark or flat")],
+            Some(_) => &[FrameType::SETTING],
             None => &[],
         }
     }
 
     fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
-        let unknown = |name, asked: &str, known: String| {
-            Err(DeviceError::Unknown { name, asked: asked.to_owned(), known })
-        };
-        let word = |kind: &FrameType| kind.switch().trim_start_matches("FRAME_").to_lowercase();
-        if name != "frame_type" {
-            return unknown("setting", name, "frame_type".to_owned());
-        }
-        match FrameType::ALL.into_iter().find(|kind| word(kind) == value) {
-            Some(kind) => self.set_frame_type(kind, d).map(|()| Value::Text(value.to_owned())),
-            None => unknown("frame_type", value, FrameType::ALL.map(|kind| word(&kind)).join(", ")),
-        }
+        let kind = FrameType::of_setting(name, value)?;
+        self.set_frame_type(kind, d).map(|()| Value::Text(value.to_owned()))
     }
 }
 
@@ -700,7 +732,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
         let device = self.session.device.clone();
         let wanted = Wanted::Numbers(&[(MEMBER, exposure_s)]);
         let client = &mut self.session.client;
-        let blob = client
+        let (blob, answered) = client
             .set(&device, NAME, wanted, deadline)
             .and_then(|()| self.await_frame(exposure_s, deadline))
             .map_err(|error| {
@@ -719,13 +751,14 @@ impl<T: Bytes> device::Camera for Camera<T> {
             return Err(DeviceError::NotOurs { device: DEVICE, what });
         }
         let not_ours = |what| DeviceError::NotOurs { device: DEVICE, what };
-        let mut frame = match from_blob(blob, self.session.client.blob_limit(), &taken) {
-            Ok(frame) => frame,
+        let most = self.session.client.blob_limit();
+        let mut exposed = match from_blob(blob, most, &taken, answered) {
+            Ok(exposed) => exposed,
             Err(Unfit::Unreadable(reason)) => return Err(self.session.protocol(reason)),
             Err(Unfit::NotOurs(what)) => return Err(not_ours(what)),
         };
-        self.check_frame(&mut frame, exposure_s).map_err(not_ours)?;
-        Ok(frame)
+        self.check_frame(&mut exposed, exposure_s).map_err(not_ours)?;
+        Ok(exposed.frame)
     }
 
     fn stream(
@@ -735,5 +768,43 @@ impl<T: Bytes> device::Camera for Camera<T> {
         deadline: &Deadline,
     ) -> Result<u64, Interrupted<u64>> {
         self.stream_frames(exposure_s, take, deadline)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand: what is left only falls, by a driver that rounds it to whole seconds, too (10.6 s: 10.6, 11, 10, …); a second request of the same length begins anew.
+    #[test]
+    fn an_exposure_that_begins_anew_is_told_from_one_that_counts_down() {
+        for (before, now, exposure_s, anew) in [
+            (0.5, 0.5, 0.5, true),
+            (0.5, 0.4999, 0.5, false),
+            (0.2, 0.5, 0.5, true),
+            (10.0, 10.0, 10.0, false),
+            (10.6, 11.0, 10.6, false),
+            (10.6, 10.6, 10.6, true),
+            (4.0, 10.0, 10.0, true),
+            (4.0, 4.0, 10.0, false),
+        ] {
+            assert_eq!(begins_anew(before, now, exposure_s), anew, "{before} {now} {exposure_s}");
+        }
+        assert!(is_left_of(11.0, 10.6) && !is_left_of(11.1, 10.6));
+        assert!(is_left_of(0.3, 0.3) && !is_left_of(0.5, 0.3));
+    }
+
+    /// Truth: by hand: clocks that are 2 s apart are no sign, one exposure that began half a second earlier than the others is; a clock that was set is usual after some frames.
+    #[test]
+    fn an_exposure_that_had_begun_before_is_early() {
+        let mut others = Others::default();
+        for later_s in [-2.0, -1.99, -2.01, -1.9, -2.05] {
+            assert!(!others.is_early(later_s), "{later_s}");
+        }
+        assert!(others.is_early(-2.5));
+        assert!(!others.is_early(-2.0));
+        let early = (0..9).filter(|_| others.is_early(-7.0)).count();
+        assert!((1..9).contains(&early), "{early}");
+        assert!(others.later_s.len() <= 9);
     }
 }

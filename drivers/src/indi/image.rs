@@ -1,11 +1,11 @@
 //! Frames out of BLOBs.
 
 use super::property::Blob;
-use crate::device::Window;
+use crate::device::{HostTime, Window};
 use hifitime::Epoch;
 use ndarray::Array2;
 use sunglint_formats::fits::{Fits, Header, inflate};
-use sunglint_formats::{Bayer, Frame, time};
+use sunglint_formats::{Bayer, Frame};
 
 /// Information that the host has about a frame besides its BLOB.
 #[derive(Debug, Clone, Copy)]
@@ -15,6 +15,14 @@ pub(super) struct Taken {
     pub pattern: Option<Bayer>,
     /// The host's time when it asked for the frame.
     pub asked: Epoch,
+}
+
+/// A frame of an exposure.
+#[derive(Debug)]
+pub(super) struct Exposed {
+    pub frame: Frame,
+    /// How much later it began than the host asked, by the server's clock, s.
+    pub later_s: f64,
 }
 
 /// Why a BLOB is not the frame that was asked for.
@@ -42,10 +50,15 @@ impl Taken {
 
 /// The frame of an exposure.
 ///
-/// The server's `DATE-OBS` and `EXPTIME` are kept. `HOSTDATE` and `HOSTDIFF` are added: when the host asked for the frame,
-/// and how much later it began by the server's clock. INDI writes the sensor's Bayer pattern whatever the origin; the frame's
-/// own is derived from the origin here.
-pub(super) fn from_blob(blob: Blob, most: usize, taken: &Taken) -> Result<Frame, Unfit> {
+/// The server's `EXPTIME` is kept, and its `DATE-OBS` where it is near the host's time; else the frame has the host's, which lies between the request and
+/// `answered` ([`HostTime`]). `HOSTDATE` and `HOSTDIFF` are added: when the host asked for the frame, and how much later it began by the server's clock.
+/// INDI writes the sensor's Bayer pattern whatever the origin; the frame's own is derived from the origin here.
+pub(super) fn from_blob(
+    blob: Blob,
+    most: usize,
+    taken: &Taken,
+    answered: Epoch,
+) -> Result<Exposed, Unfit> {
     let bytes = unpacked(blob, most)?;
     let fits = Fits::from_bytes("the camera's BLOB", bytes).map_err(|error| error.to_string())?;
     let mut frame = Frame::from_fits(&fits).map_err(|error| error.to_string())?;
@@ -67,15 +80,9 @@ pub(super) fn from_blob(blob: Blob, most: usize, taken: &Taken) -> Result<Frame,
     frame.origin = taken.window.origin_px;
     frame.binning = taken.window.binning;
     frame.bayer = pattern.and_then(|pattern| pattern.of_frame(frame.origin, frame.binning));
-    let difference = (frame.start - taken.asked).to_seconds();
-    host_cards(&mut frame.header, taken.asked);
-    frame.header.set("HOSTDIFF", difference, "s, DATE-OBS less HOSTDATE");
-    Ok(frame)
-}
-
-fn host_cards(header: &mut Header, asked: Epoch) {
-    let text = time::format_utc_shortest(asked);
-    header.set("HOSTDATE", text.trim_end_matches('Z'), "UTC of the host when it asked");
+    let (said, asked) = (frame.start, taken.asked);
+    HostTime { asked, answered }.date(&mut frame, Some(said));
+    Ok(Exposed { frame, later_s: (said - asked).to_seconds() })
 }
 
 /// The bytes of a FITS file.
@@ -123,7 +130,7 @@ pub(super) fn from_stream(
     })?;
     let Window { origin_px, binning, .. } = taken.window;
     let mut header = Header::default();
-    host_cards(&mut header, taken.asked);
+    HostTime::note(&mut header, taken.asked);
     header.comment(
         "DATE-OBS: when the frame arrived at the host, less the exposure; the stream tells no time",
     );

@@ -61,7 +61,9 @@ impl<T: Bytes> Session<T> {
     pub fn define(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
         let device = self.device.clone();
         self.client.get_properties(Some((&device, None)), deadline)?;
-        let soon = deadline.at_most(self.settings.answer_within);
+        // Where there is little time, half of it is left for asking what there is instead.
+        let half = deadline.remaining().map_or(Duration::ZERO, |left| left / 2);
+        let soon = deadline.at_most(self.settings.answer_within.min(half));
         match self.client.await_defined(&device, "CONNECTION", &soon) {
             Err(DeviceError::Awaited { .. }) if deadline.remaining().is_ok() => {
                 return Err(self.no_such_device());
@@ -94,8 +96,8 @@ impl<T: Bytes> Session<T> {
     /// A server says nothing about a device that it has not, and, once asked for one, nothing about the others.
     fn no_such_device(&self) -> DeviceError {
         let known = "the server's devices (it does not know this one, or its driver has not started): list them with indi::devices";
-        let asked = self.device.clone();
-        DeviceError::Unknown { name: "INDI device", asked, known: known.to_owned() }
+        let (name, asked) = (DeviceError::INDI_DEVICE, self.device.clone());
+        DeviceError::Unknown { name, asked, known: known.to_owned() }
     }
 
     fn check_interface(&self) -> Result<(), DeviceError> {

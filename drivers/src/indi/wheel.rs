@@ -1,13 +1,14 @@
 //! A filter wheel.
 
 use super::client::Wanted;
-use super::property::Vector;
+use super::property::{Event, State, Vector};
 use super::session::{Kind, Session, SessionSettings};
 use crate::clock::Deadline;
 use crate::device::{
     Device, DeviceError, FilterWheel, Identity, Interrupted, Origin, Setting, Value,
 };
-use crate::transport::Bytes;
+use crate::transport::{Bytes, TransportError};
+use std::time::Duration;
 
 const DEVICE: &str = "INDI filter wheel";
 const SLOT: &str = "FILTER_SLOT";
@@ -16,6 +17,9 @@ const KIND: Kind =
     Kind { label: DEVICE, what: "filter wheel", interface: 1 << 4, required: &[SLOT] };
 /// More slots than any wheel has.
 const MOST_SLOTS: f64 = 1000.0;
+/// Time in which what has come by itself is read, and the same from a server that never stops.
+const READ: Duration = Duration::from_millis(2);
+const READ_MOST: Duration = Duration::from_millis(50);
 
 /// A filter wheel on an INDI server, or the wheel that a camera has within.
 #[derive(Debug)]
@@ -95,6 +99,17 @@ impl<T: Bytes> Wheel<T> {
         }
     }
 
+    /// The slot in the beam by what was said last; `None` while it turns.
+    fn stands(&self) -> Result<Option<u32>, DeviceError> {
+        let now = self.session.require(SLOT)?;
+        if now.state == State::Busy { Ok(None) } else { self.slot_of(now).map(Some) }
+    }
+
+    fn is_slot(&self, event: &Event) -> bool {
+        matches!(event, Event::Changed(place, _) | Event::Defined(place)
+            if place.device == self.session.device && place.name == SLOT)
+    }
+
     fn turn_to(&mut self, slot: u32, deadline: &Deadline) -> Result<u32, DeviceError> {
         if !(1..=self.slots).contains(&slot) {
             let (asked, most) = (slot.into(), self.slots.into());
@@ -144,11 +159,48 @@ impl<T: Bytes> FilterWheel for Wheel<T> {
         let soon = deadline.at_most(self.session.settings.answer_within);
         self.session.require(SLOT)?;
         let now = self.session.client.refresh(&self.session.device, SLOT, &soon)?;
-        if now.state == super::property::State::Busy {
+        if now.state == State::Busy {
             let reason = "it is turning: no filter is in the beam";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
         self.slot_of(&now)
+    }
+
+    /// Asks for the slot anew: what the server said before its answer has then come.
+    fn look(&mut self, deadline: &Deadline) -> Result<Vec<Option<u32>>, DeviceError> {
+        let soon = deadline.at_most(self.session.settings.answer_within);
+        self.session.require(SLOT)?;
+        let device = self.session.device.clone();
+        let mut stood = self.heard(deadline)?;
+        self.session.client.get_properties(Some((&device, Some(SLOT))), &soon)?;
+        loop {
+            let event = self.session.client.event(&soon)?;
+            if matches!(&event, Event::Lost(lost) if *lost == device) {
+                // Said as such.
+                self.session.require(SLOT)?;
+            }
+            if self.is_slot(&event) {
+                stood.push(self.stands()?);
+                if matches!(event, Event::Defined(_)) {
+                    return Ok(stood);
+                }
+            }
+        }
+    }
+
+    fn heard(&mut self, deadline: &Deadline) -> Result<Vec<Option<u32>>, DeviceError> {
+        let all = deadline.at_most(READ_MOST);
+        let mut stood = Vec::new();
+        loop {
+            match self.session.client.event(&all.at_most(READ)) {
+                Ok(event) if self.is_slot(&event) => stood.push(self.stands()?),
+                Ok(_) => {}
+                Err(DeviceError::Transport { source: TransportError::Timeout { .. }, .. }) => {
+                    return Ok(stood);
+                }
+                Err(error) => return Err(error),
+            }
+        }
     }
 
     fn select(&mut self, slot: u32, deadline: &Deadline) -> Result<u32, Interrupted<Option<u32>>> {

@@ -7,7 +7,7 @@ use sunglint_formats::text_table;
 /// Tries one input.
 pub fn run(bytes: &[u8]) {
     let text = &*String::from_utf8_lossy(bytes);
-    if let Ok(Source::Table(_, table)) = open("x", text.as_bytes().to_vec())
+    if let Ok(Source::Table(_, table)) = open("x", bytes.to_vec())
         && let Ok(Some(found)) = column_times(Path::new("x"), &table, &ColumnNames::default())
     {
         assert_eq!(found.time.len(), table.rows());

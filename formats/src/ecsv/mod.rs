@@ -20,4 +20,4 @@ mod rows;
 mod writer;
 
 pub use reader::{read, read_str};
-pub use writer::{to_string, write_file};
+pub use writer::{head, rows, to_string, write_file};

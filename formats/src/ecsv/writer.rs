@@ -25,6 +25,16 @@ pub fn write_file(
 /// Columns of different lengths or with one name; a column of vectors (write FITS); a name that is empty or has a line
 /// break; a missing text in a table of one column, which ECSV cannot tell from an empty one.
 pub fn to_string(table: &Table) -> Result<String, EncodeError> {
+    let mut text = head(table)?;
+    rows(table, &mut text)?;
+    Ok(text)
+}
+
+/// The part of [`to_string`] above the rows: for a table that is written piece by piece. It is the same for all pieces that differ in their rows alone.
+///
+/// # Errors
+/// The errors of [`to_string`].
+pub fn head(table: &Table) -> Result<String, EncodeError> {
     check(table)?;
     let mut text = String::from("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n");
     for column in &table.columns {
@@ -43,10 +53,19 @@ pub fn to_string(table: &Table) -> Result<String, EncodeError> {
     }
     text.push_str("# schema: astropy-2.0\n");
     row(&mut text, table.columns.iter(), |text, column| quote_if_needed(text, &column.name));
-    for i in 0..table.rows() {
-        row(&mut text, table.columns.iter(), |text, column| cell(text, &column.values, i));
-    }
     Ok(text)
+}
+
+/// Adds the rows of a table to a text that has its [`head`], or that of another piece of the same table.
+///
+/// # Errors
+/// The errors of [`to_string`].
+pub fn rows(table: &Table, text: &mut String) -> Result<(), EncodeError> {
+    check(table)?;
+    for i in 0..table.rows() {
+        row(text, table.columns.iter(), |text, column| cell(text, &column.values, i));
+    }
+    Ok(())
 }
 
 fn check(table: &Table) -> Result<(), EncodeError> {

@@ -2,7 +2,7 @@
 //! 2018).
 //!
 //! [`Fits`] holds the bytes of a file and knows where each HDU lies; [`Fits::image`] and [`Fits::table`] decode one.
-//! [`Writer`] puts images and tables into a new file.
+//! [`Writer`] puts images and tables into a new file; [`Layout`] one that is filled row by row, for more than memory holds.
 //!
 //! ```
 //! use ndarray::array;
@@ -47,6 +47,7 @@
 mod card;
 mod escape;
 mod file;
+mod filling;
 mod header;
 mod image;
 mod table;
@@ -57,6 +58,7 @@ mod writer;
 pub use card::{Card, CardValue};
 pub use escape::ascii_json;
 pub use file::{Fits, Hdu, Kind, inflate};
+pub use filling::{Filling, FillingError, Layout};
 pub use header::Header;
 pub use image::{Image, Pixels};
 pub use writer::Writer;

@@ -25,7 +25,8 @@ struct Field {
     text_width: Option<(usize, usize)>,
 }
 
-pub(super) fn encode(table: &Table) -> Result<Encoded, EncodeError> {
+/// `text_width` is the least width of a column of texts.
+pub(super) fn encode(table: &Table, text_width: usize) -> Result<Encoded, EncodeError> {
     table.check_columns()?;
     let rows = table.rows();
     let mut header = Header::default();
@@ -35,7 +36,7 @@ pub(super) fn encode(table: &Table) -> Result<Encoded, EncodeError> {
         return Err(EncodeError::new("table", found, "at most 999"));
     }
     for (i, column) in table.columns.iter().enumerate() {
-        let field = field(&column.name, &column.values)?;
+        let field = field(&column.name, &column.values, text_width)?;
         let keyword = |stem: &str| format!("{stem}{}", i + 1);
         header.set(&keyword("TTYPE"), column.name.as_str(), "");
         header.set(&keyword("TFORM"), field.form.as_str(), "");
@@ -63,7 +64,7 @@ pub(super) fn encode(table: &Table) -> Result<Encoded, EncodeError> {
     Ok(Encoded { fields: fields.len(), row_bytes, rows, cards: header.cards, data })
 }
 
-fn field(name: &str, values: &Values) -> Result<Field, EncodeError> {
+fn field(name: &str, values: &Values, text_width: usize) -> Result<Field, EncodeError> {
     let (width, flat) = match values {
         Values::Vectors { width, flat } => (*width, flat.as_ref()),
         single => (1, single),
@@ -99,16 +100,21 @@ fn field(name: &str, values: &Values) -> Result<Field, EncodeError> {
             let bytes = values.iter().flat_map(value).collect();
             Ok(Field { null, ..plain('K', 8, bytes) })
         }
-        Values::Text(values) => texts(name, values, width),
+        Values::Text(values) => texts(name, values, width, text_width),
         Values::Vectors { .. } => {
             Err(EncodeError::new(name, "vectors of vectors", "vectors of single values"))
         }
     }
 }
 
-fn texts(name: &str, values: &[Option<String>], count: usize) -> Result<Field, EncodeError> {
+fn texts(
+    name: &str,
+    values: &[Option<String>],
+    count: usize,
+    least: usize,
+) -> Result<Field, EncodeError> {
     let text = |value: &Option<String>| value.as_deref().unwrap_or("").to_owned();
-    let width = values.iter().map(|value| text(value).len()).max().unwrap_or(0).max(1);
+    let width = values.iter().map(|value| text(value).len()).max().unwrap_or(0).max(least).max(1);
     let mut bytes = Vec::with_capacity(width * values.len());
     for value in values {
         let text = text(value);

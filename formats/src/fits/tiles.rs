@@ -1,4 +1,4 @@
-//! Tile-compressed images (FITS 4.0, section 10): RICE_1, GZIP_1 and GZIP_2, floating-point numbers with or without dither.
+//! Tile-compressed images (FITS 4.0, section 10): RICE_1, GZIP_1, GZIP_2, PLIO_1 and NOCOMPRESS, floating-point numbers with or without dither.
 
 use super::card::CardValue;
 use super::file::{Fits, Hdu};
@@ -18,6 +18,8 @@ enum Method {
     Rice { block: usize, bytes: usize },
     Gzip,
     GzipShuffled,
+    Plio,
+    Plain,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -32,6 +34,8 @@ enum Dither {
 struct Column {
     offset: usize,
     letter: u8,
+    /// Bytes of one value in the heap.
+    heap_bytes: usize,
 }
 
 impl Column {
@@ -70,7 +74,13 @@ impl<'a> Table<'a> {
             let (Some(repeat), Some(letter)) = (repeat, form.as_bytes().get(digits)) else {
                 return Err(fits.bad(hdu, &keyword, form, "a format such as `1PB`"));
             };
-            let column = Column { offset, letter: *letter };
+            let heap_bytes = match form.as_bytes().get(digits + 1) {
+                Some(b'I') => 2,
+                Some(b'J' | b'E') => 4,
+                Some(b'K' | b'D') => 8,
+                _ => 1,
+            };
+            let column = Column { offset, letter: *letter, heap_bytes };
             let after = repeat.checked_mul(column.width()).and_then(|w| w.checked_add(offset));
             let Some(after) = after.filter(|end| *end as u64 <= row_bytes) else {
                 return Err(fits.bad(
@@ -99,11 +109,15 @@ impl<'a> Table<'a> {
     }
 
     fn has(&self, name: &str) -> bool {
-        self.columns.iter().any(|(n, _)| n == name)
+        self.column(name).is_some()
+    }
+
+    fn column(&self, name: &str) -> Option<Column> {
+        self.columns.iter().find(|(n, _)| n == name).map(|(_, column)| *column)
     }
 
     fn cell(&self, row: usize, name: &str) -> Option<(u8, &'a [u8])> {
-        let (_, column) = self.columns.iter().find(|(n, _)| n == name)?;
+        let column = self.column(name)?;
         let start = row.checked_mul(self.row_bytes)?.checked_add(column.offset)?;
         Some((column.letter, self.data.get(start..start + column.width())?))
     }
@@ -124,6 +138,7 @@ impl<'a> Table<'a> {
             Some(_) => return None,
         };
         let (count, at) = (usize::try_from(count).ok()?, usize::try_from(at).ok()?);
+        let count = count.checked_mul(self.column(name)?.heap_bytes)?;
         if count == 0 { Some(&[]) } else { self.heap.get(at..at.checked_add(count)?) }
     }
 
@@ -232,7 +247,13 @@ pub(super) fn decode(fits: &Fits, hdu: &Hdu) -> Result<Image, ParseError> {
         } else {
             let is_quantised = bitpix < 0 && scale.is_some();
             match (method, is_quantised) {
-                (Method::Rice { .. }, false) if bitpix < 0 => return Err(broken()),
+                (Method::Rice { .. } | Method::Plio, false) if bitpix < 0 => return Err(broken()),
+                (Method::Plain, false) => {
+                    if packed.len() != wanted * bytes {
+                        return Err(broken());
+                    }
+                    packed.to_vec()
+                }
                 (Method::Gzip | Method::GzipShuffled, false) => {
                     // CFITSIO packs whole numbers of 16 bits as such, or as 32 bits.
                     let raw = inflated(packed, wanted.saturating_mul(8)).ok_or_else(broken)?;
@@ -251,6 +272,9 @@ pub(super) fn decode(fits: &Fits, hdu: &Hdu) -> Result<Image, ParseError> {
                 _ => {
                     let values = match method {
                         Method::Rice { block, bytes } => rice(packed, wanted, block, bytes),
+                        Method::Plio => plio(packed, wanted),
+                        Method::Plain => (packed.len() == wanted * 4)
+                            .then(|| packed.chunks_exact(4).filter_map(whole).collect()),
                         _ => inflated(packed, wanted * 4).filter(|b| b.len() == wanted * 4).map(
                             |raw| {
                                 let raw =
@@ -352,8 +376,11 @@ fn method(fits: &Fits, hdu: &Hdu) -> Result<Method, ParseError> {
         }
         "GZIP_1" => Method::Gzip,
         "GZIP_2" => Method::GzipShuffled,
+        "PLIO_1" => Method::Plio,
+        "NOCOMPRESS" => Method::Plain,
         other => {
-            let error = fits.bad(hdu, "ZCMPTYPE", other, "RICE_1, GZIP_1 or GZIP_2");
+            let expected = "RICE_1, GZIP_1, GZIP_2, PLIO_1 or NOCOMPRESS";
+            let error = fits.bad(hdu, "ZCMPTYPE", other, expected);
             return Err(error.with_hint("unpack it with funpack, or let the camera use RICE_1"));
         }
     })
@@ -441,6 +468,50 @@ fn rice(packed: &[u8], wanted: usize, block: usize, bytes: usize) -> Option<Vec<
             });
         }
     }
+    Some(values)
+}
+
+/// IRAF's lists of pixels (section 10.4.3): runs of 0 and of one value that goes up and down, in words of 16 bits.
+fn plio(packed: &[u8], wanted: usize) -> Option<Vec<i64>> {
+    let words: Vec<i64> =
+        packed.as_chunks::<2>().0.iter().map(|w| i64::from(i16::from_be_bytes(*w))).collect();
+    // Lists of old have a head of three words, with their length in the third.
+    let (length, first) = match *words.get(2)? {
+        length if length > 0 => (length, 3),
+        _ => ((*words.get(4)? << 15) + *words.get(3)?, *words.get(1)?),
+    };
+    let (length, first) = (usize::try_from(length).ok()?, usize::try_from(first).ok()?);
+    let list = words.get(first..length.max(first))?;
+    let mut values: Vec<i64> = Vec::with_capacity(wanted);
+    let mut high = 1_i64;
+    let mut at = 0;
+    while let Some(word) = list.get(at) {
+        at += 1;
+        // The words hold four bits of an instruction and twelve of a number.
+        let (code, number) = (*word >> 12, *word & 4095);
+        let run = usize::try_from(number).ok()?.min(wanted.saturating_sub(values.len()));
+        match code {
+            0 => values.resize(values.len() + run, 0),
+            4 => values.resize(values.len() + run, high),
+            5 => {
+                values.resize(values.len() + run, 0);
+                if let Some(last) = values.last_mut().filter(|_| run > 0) {
+                    *last = high;
+                }
+            }
+            1 => {
+                high = (*list.get(at)? << 12) + number;
+                at += 1;
+            }
+            2 | 6 => high = high.checked_add(number)?,
+            3 | 7 => high = high.checked_sub(number)?,
+            _ => return None,
+        }
+        if matches!(code, 6 | 7) && values.len() < wanted {
+            values.push(high);
+        }
+    }
+    values.resize(wanted, 0);
     Some(values)
 }
 

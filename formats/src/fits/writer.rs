@@ -4,9 +4,10 @@ use super::BLOCK;
 use super::card::{Card, CardValue};
 use super::header::{Header, is_structural};
 use super::image::{Image, encode};
+use super::table_out::Encoded;
 use crate::atomic::Overwrite;
 use crate::error::{EncodeError, FileError};
-use crate::table::Table;
+use crate::table::{Meta, Table};
 use std::path::Path;
 
 /// Puts images and tables into a FITS file, in the order in which they are given. A file that begins with a table gets
@@ -31,25 +32,10 @@ impl Writer {
     /// too long beside its keyword.
     pub fn image(&mut self, image: &Image) -> Result<(), EncodeError> {
         let (bitpix, zero, data) = encode(&image.pixels);
-        let mut header = Header::default();
-        self.begin(&mut header, "IMAGE", "image");
-        header.set("BITPIX", bitpix, "bits of a pixel");
-        let shape = image.pixels.shape();
-        header.set("NAXIS", shape.len() as i64, "number of axes");
-        for (i, &n) in shape.iter().rev().enumerate() {
-            header.set(&format!("NAXIS{}", i + 1), n as i64, "");
-        }
-        self.end_of_layout(&mut header);
-        if let Some(zero) = zero {
-            header.set("BSCALE", 1_i64, "");
-            let value = match zero as i64 {
-                // 2^63 is beyond i64; the standard asks for a whole number all the same.
-                i64::MAX => CardValue::Other("9223372036854775808".to_owned()),
-                zero => CardValue::Integer(zero),
-            };
-            header.set("BZERO", value, "offset of the integers");
-        }
-        self.push(header, &image.header, &data)
+        let head =
+            image_head(self.bytes.is_empty(), (bitpix, zero), image.pixels.shape(), &image.header)?;
+        self.push(&head, &data);
+        Ok(())
     }
 
     /// Adds a table as a binary table with that EXTNAME (or none if it is empty).
@@ -65,23 +51,12 @@ impl Writer {
     /// [`fits`](super).
     pub fn table(&mut self, table: &Table, name: &str) -> Result<(), EncodeError> {
         if self.bytes.is_empty() {
-            self.empty_primary()?;
+            self.push(&empty_primary()?, &[]);
         }
-        let columns = super::table_out::encode(table)?;
-        let mut header = Header::default();
-        self.begin(&mut header, "BINTABLE", "binary table");
-        header.set("BITPIX", 8_i64, "");
-        header.set("NAXIS", 2_i64, "");
-        header.set("NAXIS1", columns.row_bytes as i64, "bytes of a row");
-        header.set("NAXIS2", columns.rows as i64, "rows");
-        self.end_of_layout(&mut header);
-        header.set("TFIELDS", columns.fields as i64, "columns");
-        header.cards.extend(columns.cards);
-        if !name.is_empty() {
-            header.set("EXTNAME", name, "");
-        }
-        let meta = super::table_out::meta_cards(&table.meta)?;
-        self.push(header, &meta, &columns.data)
+        let columns = super::table_out::encode(table, 0)?;
+        let head = table_head(&columns, columns.rows, &table.meta, name)?;
+        self.push(&head, &columns.data);
+        Ok(())
     }
 
     /// The bytes of the file.
@@ -94,43 +69,96 @@ impl Writer {
         crate::atomic::write_file(path, &self.bytes, overwrite)
     }
 
-    fn begin(&self, header: &mut Header, extension: &str, what: &str) {
-        if self.bytes.is_empty() {
-            header.set("SIMPLE", true, "FITS");
-        } else {
-            header.set("XTENSION", extension, what);
-        }
-    }
-
-    fn end_of_layout(&self, header: &mut Header) {
-        if self.bytes.is_empty() {
-            header.set("EXTEND", true, "");
-        } else {
-            header.set("PCOUNT", 0_i64, "");
-            header.set("GCOUNT", 1_i64, "");
-        }
-    }
-
-    fn empty_primary(&mut self) -> Result<(), EncodeError> {
-        let mut header = Header::default();
-        self.begin(&mut header, "", "");
-        header.set("BITPIX", 8_i64, "");
-        header.set("NAXIS", 0_i64, "no data here");
-        self.end_of_layout(&mut header);
-        self.push(header, &Header::default(), &[])
-    }
-
-    fn push(&mut self, mut header: Header, free: &Header, data: &[u8]) -> Result<(), EncodeError> {
-        let keep = |card: &&Card| !is_structural(&card.keyword);
-        for card in free.cards.iter().filter(keep) {
-            // EXTNAME as an argument wins over one in the metadata.
-            if card.keyword != "EXTNAME" || header.get("EXTNAME").is_none() {
-                header.cards.push(card.clone());
-            }
-        }
-        self.bytes.extend(header.encode()?);
+    fn push(&mut self, head: &[u8], data: &[u8]) {
+        self.bytes.extend_from_slice(head);
         self.bytes.extend_from_slice(data);
         self.bytes.resize(self.bytes.len().next_multiple_of(BLOCK), 0);
-        Ok(())
     }
+}
+
+/// Header of an image of pixels with that BITPIX and BZERO; `first` of a file or not.
+pub(super) fn image_head(
+    first: bool,
+    (bitpix, zero): (i64, Option<f64>),
+    shape: &[usize],
+    free: &Header,
+) -> Result<Vec<u8>, EncodeError> {
+    let mut header = Header::default();
+    begin(first, &mut header, "IMAGE", "image");
+    header.set("BITPIX", bitpix, "bits of a pixel");
+    header.set("NAXIS", shape.len() as i64, "number of axes");
+    for (i, &n) in shape.iter().rev().enumerate() {
+        header.set(&format!("NAXIS{}", i + 1), n as i64, "");
+    }
+    end_of_layout(first, &mut header);
+    if let Some(zero) = zero {
+        header.set("BSCALE", 1_i64, "");
+        let value = match zero as i64 {
+            // 2^63 is beyond i64; the standard asks for a whole number all the same.
+            i64::MAX => CardValue::Other("9223372036854775808".to_owned()),
+            zero => CardValue::Integer(zero),
+        };
+        header.set("BZERO", value, "offset of the integers");
+    }
+    whole(header, free)
+}
+
+/// Header of a binary table of so many rows.
+pub(super) fn table_head(
+    columns: &Encoded,
+    rows: usize,
+    meta: &Meta,
+    name: &str,
+) -> Result<Vec<u8>, EncodeError> {
+    let mut header = Header::default();
+    begin(false, &mut header, "BINTABLE", "binary table");
+    header.set("BITPIX", 8_i64, "");
+    header.set("NAXIS", 2_i64, "");
+    header.set("NAXIS1", columns.row_bytes as i64, "bytes of a row");
+    header.set("NAXIS2", rows as i64, "rows");
+    end_of_layout(false, &mut header);
+    header.set("TFIELDS", columns.fields as i64, "columns");
+    header.cards.extend(columns.cards.iter().cloned());
+    if !name.is_empty() {
+        header.set("EXTNAME", name, "");
+    }
+    whole(header, &super::table_out::meta_cards(meta)?)
+}
+
+/// Header of a file that begins with a table.
+pub(super) fn empty_primary() -> Result<Vec<u8>, EncodeError> {
+    let mut header = Header::default();
+    begin(true, &mut header, "", "");
+    header.set("BITPIX", 8_i64, "");
+    header.set("NAXIS", 0_i64, "no data here");
+    end_of_layout(true, &mut header);
+    whole(header, &Header::default())
+}
+
+fn begin(first: bool, header: &mut Header, extension: &str, what: &str) {
+    if first {
+        header.set("SIMPLE", true, "FITS");
+    } else {
+        header.set("XTENSION", extension, what);
+    }
+}
+
+fn end_of_layout(first: bool, header: &mut Header) {
+    if first {
+        header.set("EXTEND", true, "");
+    } else {
+        header.set("PCOUNT", 0_i64, "");
+        header.set("GCOUNT", 1_i64, "");
+    }
+}
+
+fn whole(mut header: Header, free: &Header) -> Result<Vec<u8>, EncodeError> {
+    let keep = |card: &&Card| !is_structural(&card.keyword);
+    for card in free.cards.iter().filter(keep) {
+        // EXTNAME as an argument wins over one in the metadata.
+        if card.keyword != "EXTNAME" || header.get("EXTNAME").is_none() {
+            header.cards.push(card.clone());
+        }
+    }
+    header.encode()
 }

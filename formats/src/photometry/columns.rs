@@ -1,14 +1,14 @@
 //! Tables of named columns, whoever named them.
 
+use super::words::{READING_NOTES, is_clock, is_date};
 use super::{DAY_S, MJD_OFFSET, Scale, moment};
-use crate::time::{UtcDay, parse_utc};
+use crate::time::{UtcDay, parse_utc, parse_zoned};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
 use std::path::Path;
 
 /// Names of columns of times that are known, for messages.
-pub const TIME_COLUMNS: &str =
-    "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb";
+pub const TIME_COLUMNS: &str = "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb; or --time-column NAME, with --time-format jd, mjd, unix or s";
 
 /// Names that others give to times in words.
 const TEXT_TIMES: [&str; 9] = [
@@ -28,7 +28,7 @@ const MAGNITUDES: [&str; 8] =
 /// Names that others give to fluxes.
 const FLUXES: [&str; 7] = ["flux", "pdcsap_flux", "sap_flux", "counts", "adu", "rate", "intensity"];
 /// Names that others give to standard uncertainties of magnitudes.
-const SIGMAS: [&str; 11] = [
+const SIGMAS: [&str; 18] = [
     "sigma_mag",
     "mag_err",
     "magerr",
@@ -38,12 +38,93 @@ const SIGMAS: [&str; 11] = [
     "magnitude_err",
     "magnitude_error",
     "mag_sigma",
-    "err",
+    "mag_unc",
+    "mag_uncertainty",
+    "magnitude_uncertainty",
+    "merr",
+    "sigmamag",
+    "sigma",
     "uncertainty",
+    "error",
+    "err",
 ];
 /// Names that others give to standard uncertainties of fluxes.
-const FLUX_SIGMAS: [&str; 8] =
-    ["flux_err", "fluxerr", "flux_error", "e_flux", "sigma_flux", "counts_err", "err", "error"];
+const FLUX_SIGMAS: [&str; 9] = [
+    "flux_err",
+    "fluxerr",
+    "flux_error",
+    "e_flux",
+    "sigma_flux",
+    "flux_unc",
+    "counts_err",
+    "err",
+    "error",
+];
+/// Those of the names above that others also give to flags: whole numbers in them are no uncertainties.
+const OF_FLAGS: [&str; 2] = ["err", "error"];
+
+/// Meaning of the numbers in a column of times.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeFormat {
+    /// Julian dates.
+    Jd,
+    /// Modified Julian dates.
+    Mjd,
+    /// Seconds since 1970-01-01 in UTC, leap seconds left out.
+    Unix,
+    /// Seconds from a moment that is not known.
+    Seconds,
+    /// Texts by ISO 8601.
+    Iso,
+}
+
+/// Kind of times that a column's name says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Jd,
+    Mjd,
+    Bjd,
+    Hjd,
+    Unix,
+}
+
+impl Kind {
+    /// The kind that a name says: `JD_UTC`, `obsmjd`, `unix_time`.
+    fn of_name(name: &str) -> Option<Self> {
+        let name = name.to_ascii_lowercase();
+        let mut words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
+        let first = words.clone().next()?;
+        let whole = |word: &str| match word {
+            "jd" => Some(Self::Jd),
+            "mjd" => Some(Self::Mjd),
+            "bjd" => Some(Self::Bjd),
+            "hjd" => Some(Self::Hjd),
+            "unix" | "unixtime" | "posix" => Some(Self::Unix),
+            _ => None,
+        };
+        let ending = |word: &str| match word {
+            w if w.ends_with("mjd") => Some(Self::Mjd),
+            w if w.ends_with("bjd") => Some(Self::Bjd),
+            w if w.ends_with("hjd") => Some(Self::Hjd),
+            w if w.ends_with("jd") => Some(Self::Jd),
+            _ => None,
+        };
+        whole(first).or_else(|| words.clone().find_map(whole)).or_else(|| words.find_map(ending))
+    }
+
+    /// The kind by the size of numbers: those of 1972 to 2100 tell dates and Unix time apart.
+    fn of_size(numbers: &[f64]) -> Option<Self> {
+        let finite = || numbers.iter().filter(|n| n.is_finite());
+        let within = |low: f64, high: f64| finite().all(|n| (low..high).contains(n));
+        match finite().next() {
+            None => None,
+            Some(_) if within(2_441_317.5, 2_488_434.5) => Some(Self::Jd),
+            Some(_) if within(41_317.0, 88_434.0) => Some(Self::Mjd),
+            Some(_) if within(63_072_000.0, 4_133_980_800.0) => Some(Self::Unix),
+            Some(_) => None,
+        }
+    }
+}
 
 /// Which columns of a table hold what; those that are not named are looked for under the names that others use.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -53,6 +134,8 @@ pub struct ColumnNames {
     pub time: Option<String>,
     /// The scale of times whose column does not name it.
     pub scale: Option<Scale>,
+    /// Meaning of the times' numbers, where the column's name does not say it.
+    pub format: Option<TimeFormat>,
     /// The column of magnitudes, or of fluxes.
     pub magnitude: Option<String>,
     /// That of their standard uncertainties.
@@ -97,12 +180,25 @@ impl ColumnNames {
                 format!("e_{name}"),
                 format!("{name}err"),
                 format!("sigma_{name}"),
+                format!("{name}_sigma"),
+                format!("{name}_unc"),
+                format!("{name}_uncertainty"),
+                // ATLAS.
+                format!("d{name}"),
             ];
             forms.iter().find_map(|form| find(table, form))
         });
-        own.or_else(|| {
-            Self::of(table, self.sigma.as_deref(), if of_flux { &FLUX_SIGMAS } else { &SIGMAS })
-        })
+        if own.is_some() || self.sigma.is_some() {
+            return own.or_else(|| Self::of(table, self.sigma.as_deref(), &[]));
+        }
+        let usual: &[&str] = if of_flux { &FLUX_SIGMAS } else { &SIGMAS };
+        let found = usual.iter().filter_map(|name| find(table, name));
+        let is_flag = |name: &str| {
+            let is_doubtful = OF_FLAGS.iter().any(|n| name.eq_ignore_ascii_case(n));
+            let whole = |v: &f64| v.is_nan() || v.fract() == 0.0;
+            is_doubtful && table.f64(name).is_ok_and(|values| values.iter().all(whole))
+        };
+        found.into_iter().find(|name| !is_flag(name))
     }
 }
 
@@ -156,25 +252,18 @@ pub(super) fn named_times<'a>(
     table: &'a Table,
     names: &ColumnNames,
 ) -> Result<Option<(&'a str, ColumnTimes)>, ParseError> {
-    let is_date = |name: &str| {
-        let name = name.to_ascii_lowercase();
-        matches!(name.split(['_', ' ', '(']).next(), Some("jd" | "mjd" | "bjd" | "hjd"))
+    let missing = |asked: &str, what: &str| {
+        let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+        let found = format!("the columns {}", all.join(", "));
+        ParseError::new(path, found, format!("a column `{asked}` of {what}"))
     };
-    let name = if let Some(asked) = &names.time {
-        let Some(name) = find(table, asked) else {
-            let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            let found = format!("the columns {}", all.join(", "));
-            return Err(ParseError::new(path, found, format!("a column `{asked}` of times")));
-        };
-        Some(name)
-    } else {
-        find(table, TEXT_TIMES[0])
-            .or_else(|| table.columns.iter().map(|c| c.name.as_str()).find(|n| is_date(n)))
-            .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
-            .or_else(|| {
-                let of_columns = table.meta.get("timesys_of")?.as_object()?;
-                find(table, of_columns.keys().next()?)
-            })
+    // A name that was asked for is never passed over.
+    if let Some(asked) = names.sigma.as_deref().filter(|name| find(table, name).is_none()) {
+        return Err(missing(asked, "uncertainties"));
+    }
+    let name = match &names.time {
+        Some(asked) => Some(find(table, asked).ok_or_else(|| missing(asked, "times"))?),
+        None => usual_time(table),
     };
     let Some(name) = name else { return Ok(None) };
     // The system that the column itself refers to (VOTable), else that of the table.
@@ -186,7 +275,44 @@ pub(super) fn named_times<'a>(
     let system = said("timesys").or_else(|| table.meta_text("TIMESYS"));
     let system = system.or_else(|| table.meta_text("time_scale")).map(str::trim);
     let origin = Origin::of_votable(table, name, &said).or_else(|| Origin::of_fits(table, name));
-    Ok(Some((name, times(path, table, name, names.scale, system, origin)?)))
+    let mut read = times(path, table, name, names, system, origin)?;
+    let notes = table.meta.get(READING_NOTES).and_then(|notes| notes.as_array());
+    read.notes.extend(notes.into_iter().flatten().filter_map(|n| n.as_str()).map(str::to_owned));
+    Ok(Some((name, read)))
+}
+
+/// The column that is one of times by its name, where none is asked for.
+pub(super) fn usual_time(table: &Table) -> Option<&str> {
+    let names = || table.columns.iter().map(|c| c.name.as_str());
+    let of_kind = |is: &dyn Fn(Kind) -> bool| names().find(|n| Kind::of_name(n).is_some_and(is));
+    find(table, TEXT_TIMES[0])
+        .or_else(|| of_kind(&|kind| kind != Kind::Unix))
+        .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
+        .or_else(|| of_kind(&|kind| kind == Kind::Unix))
+        .or_else(|| {
+            let of_columns = table.meta.get("timesys_of")?.as_object()?;
+            find(table, of_columns.keys().next()?)
+        })
+}
+
+/// The other half of a time whose date and time of day stand in two columns: its name, and whether it is the date.
+fn other_half<'a>(table: &'a Table, name: &str) -> Option<(&'a str, bool)> {
+    let texts = |name: &str| match &table.column(name).ok()?.values {
+        Values::Text(texts) => Some(texts),
+        _ => None,
+    };
+    let all = |name: &str, is: fn(&str) -> bool| {
+        texts(name).is_some_and(|t| !t.is_empty() && t.iter().flatten().all(|t| is(t.trim())))
+    };
+    let (wants_date, is): (bool, fn(&str) -> bool) = if all(name, is_date) {
+        (false, is_clock)
+    } else if all(name, is_clock) {
+        (true, is_date)
+    } else {
+        return None;
+    };
+    let mut others = table.columns.iter().map(|c| c.name.as_str()).filter(|n| *n != name);
+    others.find(|n| all(n, is)).map(|n| (n, wants_date))
 }
 
 /// The moment that times given as numbers are counted from.
@@ -319,25 +445,30 @@ fn times(
     path: &Path,
     table: &Table,
     name: &str,
-    asked: Option<Scale>,
+    names: &ColumnNames,
     system: Option<&str>,
     origin: Option<Origin>,
 ) -> Result<ColumnTimes, ParseError> {
     let in_row = |error: ParseError, row: usize| error.in_field(format!("{name}, row {}", row + 1));
-    let lower = name.to_ascii_lowercase();
-    let words: Vec<&str> =
-        lower.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).collect();
+    let half = other_half(table, name);
     // As astropy notes a column of Time in ECSV.
     let kept = || {
         let column = table.meta.get("__serialized_columns__")?.get(name)?;
         Scale::of(column.get("scale")?.as_str()?)
     };
-    let named = words.iter().find_map(|w| Scale::of(w)).or_else(kept);
-    let scale = asked.or(named).or_else(|| Scale::of(system?));
+    let of_name = |name: &str| {
+        let lower = name.to_ascii_lowercase();
+        lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::of)
+    };
+    let named = of_name(name).or_else(|| of_name(half?.0)).or_else(kept);
+    let scale = names.scale.or(named).or_else(|| Scale::of(system?));
     let unknown = |kind: &str| {
         if let Some(system) = system.filter(|s| !s.is_empty()) {
-            let error =
-                ParseError::new(path, format!("the time system `{system}`"), "UTC, TAI, TT or TDB");
+            let error = ParseError::new(
+                path,
+                format!("the time system `{system}`"),
+                "UTC, TAI, TT, TDB or GPS",
+            );
             return error.in_field(name.to_owned()).with_hint("--time-scale sets another one");
         }
         let error = ParseError::new(path, format!("`{name}`"), "a time whose scale is named");
@@ -349,11 +480,36 @@ fn times(
         return Err(ParseError::new(path, "no such column", "times").in_field(name.to_owned()));
     };
     if let Values::Text(texts) = &column.values {
-        // A text that ends with Z says it is UTC.
-        let all_zulu = texts.iter().flatten().all(|t| t.trim_end().ends_with(['Z', 'z']));
+        let whole = |row: usize, text: &str| {
+            let text = text.trim().replace(',', ".");
+            let other = half.and_then(|(other, is_date)| {
+                let Ok(Values::Text(others)) = table.column(other).map(|c| &c.values) else {
+                    return None;
+                };
+                Some((others.get(row)?.as_deref()?.trim().replace(',', "."), is_date))
+            });
+            match other {
+                Some((date, true)) => format!("{date}T{text}"),
+                Some((clock, false)) => format!("{text}T{clock}"),
+                None => text,
+            }
+        };
+        let mut time = Vec::with_capacity(texts.len());
+        // A text that ends with Z or an offset says itself what it is.
+        let mut all_zoned = true;
+        for (row, text) in texts.iter().enumerate() {
+            let text = whole(row, text.as_deref().unwrap_or(""));
+            match parse_zoned(&text) {
+                Ok((epoch, is_zoned)) => {
+                    all_zoned &= is_zoned;
+                    time.push(epoch);
+                }
+                Err(error) => return Err(in_row(error.in_file(path), row)),
+            }
+        }
         match scale {
             Some(Scale::Utc) => {}
-            None if all_zulu => {}
+            None if all_zoned => {}
             Some(_) => {
                 let error =
                     ParseError::new(path, format!("times as text in {name}"), "UTC as text");
@@ -363,12 +519,8 @@ fn times(
             }
             None => return Err(unknown("time")),
         }
-        let time = |(i, text): (usize, &Option<String>)| {
-            let text = text.as_deref().unwrap_or("").trim();
-            parse_utc(text).map_err(|e| in_row(e.in_file(path), i))
-        };
-        let time = texts.iter().enumerate().map(time).collect::<Result<_, _>>()?;
-        return Ok(ColumnTimes { time, notes: Vec::new() });
+        let notes = half.map(|(other, _)| format!("{name} and {other} are one time"));
+        return Ok(ColumnTimes { time, notes: notes.into_iter().collect() });
     }
     // As astropy writes a column of Time into FITS: two doubles whose sum is the Julian date.
     if let Ok((2, pairs)) = table.f64_vectors(name)
@@ -384,9 +536,9 @@ fn times(
         });
         return Ok(ColumnTimes { time: time.collect::<Result<_, _>>()?, notes: Vec::new() });
     }
-    let kind = words.first().copied().unwrap_or_default();
-    if let (Some(origin), Ok(numbers)) = (&origin, table.f64(name))
-        && !matches!(kind, "jd" | "mjd" | "bjd" | "hjd")
+    let named = Kind::of_name(name);
+    if let (Some(origin), Ok(numbers), None, None) =
+        (&origin, table.f64(name), names.format, named.filter(|kind| *kind != Kind::Unix))
     {
         let Some(scale) = scale else { return Err(unknown("time")) };
         let time = numbers.iter().enumerate().map(|(row, number)| {
@@ -398,34 +550,93 @@ fn times(
         let time = time.collect::<Result<_, _>>()?;
         return Ok(ColumnTimes { time, notes: origin.notes(name, scale) });
     }
-    if !matches!(kind, "jd" | "mjd" | "bjd" | "hjd") {
-        let found = column.values.kind();
-        let error = ParseError::new(path, found, "ISO 8601, or a column called jd_… or mjd_…");
-        return Err(error.in_field(name.to_owned()));
-    }
-    let Some(scale) = scale else { return Err(unknown(kind)) };
-    let Ok(numbers) = table.f64(name) else {
-        return Err(
-            ParseError::new(path, column.values.kind(), "numbers").in_field(name.to_owned())
-        );
+    let not_numbers = |expected: &str| {
+        ParseError::new(path, column.values.kind(), expected).in_field(name.to_owned())
     };
+    let Ok(numbers) = table.f64(name) else { return Err(not_numbers("numbers")) };
+    let mut notes = Vec::new();
+    let kind = match names.format {
+        Some(TimeFormat::Seconds) => return seconds(path, name, &numbers),
+        Some(TimeFormat::Iso) => return Err(not_numbers("texts by ISO 8601")),
+        // What a name says of the light's way stays.
+        Some(TimeFormat::Jd) => {
+            named.filter(|k| matches!(k, Kind::Bjd | Kind::Hjd)).unwrap_or(Kind::Jd)
+        }
+        Some(TimeFormat::Mjd) => Kind::Mjd,
+        Some(TimeFormat::Unix) => Kind::Unix,
+        None => match (named, Kind::of_size(&numbers)) {
+            (Some(kind), _) => kind,
+            (None, Some(kind)) => {
+                let words = match kind {
+                    Kind::Unix => "Unix time",
+                    Kind::Mjd => "modified Julian dates",
+                    _ => "Julian dates",
+                };
+                notes.push(format!("{name}: taken for {words}, by the size of its numbers"));
+                kind
+            }
+            (None, None) => {
+                let error = not_numbers("ISO 8601, or a column called jd_… or mjd_…");
+                return Err(error.with_hint(
+                    "--time-format jd, mjd, unix or s (seconds from any moment) says what its numbers are",
+                ));
+            }
+        },
+    };
+    let (words, scale) = match kind {
+        Kind::Unix => ("unix", Some(Scale::Utc)),
+        Kind::Mjd => ("mjd", scale),
+        Kind::Bjd => ("bjd", scale),
+        Kind::Hjd => ("hjd", scale),
+        Kind::Jd => ("jd", scale),
+    };
+    let Some(scale) = scale else { return Err(unknown(words)) };
     let time = numbers.iter().enumerate().map(|(row, number)| {
-        of_julian(*number, kind == "mjd", scale).ok_or_else(|| {
+        let time = match kind {
+            Kind::Unix => of_unix(*number),
+            _ => of_julian(*number, kind == Kind::Mjd, scale),
+        };
+        time.ok_or_else(|| {
             let error = ParseError::new(path, number.to_string(), "a date from 1972 to 2100");
             in_row(error, row)
         })
     });
     let time = time.collect::<Result<_, _>>()?;
-    let mut notes = Vec::new();
-    if kind != "mjd" {
-        notes.push(format!("{name}: a Julian date in a double is good to 40 µs"));
+    match kind {
+        Kind::Mjd => {}
+        Kind::Unix => notes.push(format!("{name}: Unix time, in which leap seconds are left out")),
+        _ => notes.push(format!("{name}: a Julian date in a double is good to 40 µs")),
     }
     match kind {
-        "bjd" => notes.push(format!(
+        Kind::Bjd => notes.push(format!(
             "{name}: the light's way is counted to the barycentre of the solar system"
         )),
-        "hjd" => notes.push(format!("{name}: the light's way is counted to the Sun")),
+        Kind::Hjd => notes.push(format!("{name}: the light's way is counted to the Sun")),
         _ => {}
     }
     Ok(ColumnTimes { time, notes })
+}
+
+/// A moment of Unix time: every day of UTC has 86,400 s in it.
+fn of_unix(seconds: f64) -> Option<Epoch> {
+    const MJD_1970: i64 = 40_587;
+    let days = Some((seconds / DAY_S).floor()).filter(|d| d.abs() < 1e7)?;
+    moment(MJD_1970 + days as i64, (seconds - days * DAY_S) / DAY_S, Scale::Utc)
+}
+
+/// Seconds from a moment that nobody knows: dates from 2000 on stand for it.
+fn seconds(path: &Path, name: &str, numbers: &[f64]) -> Result<ColumnTimes, ParseError> {
+    const FROM: &str = "2000-01-01T00:00:00Z";
+    let first = parse_utc(FROM).map_err(|e| e.in_file(path))?;
+    let time = numbers.iter().enumerate().map(|(row, s)| {
+        if s.abs() < 8e8 {
+            return Ok(first + Duration::from_seconds(*s));
+        }
+        let error = ParseError::new(path, s.to_string(), "seconds, less than 25 years of them");
+        Err(error.in_field(format!("{name}, row {}", row + 1)))
+    });
+    let notes = vec![format!(
+        "{name}: seconds from a moment that is not known: the dates, from {FROM} on, are made up"
+    )];
+    Ok(ColumnTimes { time: time.collect::<Result<_, _>>()?, notes })
 }

@@ -108,7 +108,7 @@ fn of_table(
         Some(found)
     };
     samples.session = texts("session", &["session"]);
-    samples.filter = texts("filter", &["filter", "band"]);
+    samples.filter = texts("filter", &["filter", "filt", "band"]);
     let used: Vec<&String> = columns.iter().map(|(_, name)| name).collect();
     let unused = all.iter().filter(|n| !used.iter().any(|u| u.as_str() == **n));
     let unused = unused.map(|n| (*n).to_owned()).collect();

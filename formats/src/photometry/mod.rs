@@ -18,7 +18,7 @@ mod words;
 pub mod write;
 mod xml;
 
-pub use columns::{ColumnNames, ColumnTimes, TIME_COLUMNS, column_times};
+pub use columns::{ColumnNames, ColumnTimes, TIME_COLUMNS, TimeFormat, column_times};
 pub use import::{Import, import};
 
 use crate::time::{UtcDay, parse_utc};
@@ -29,6 +29,8 @@ use std::path::Path;
 
 /// TT − TAI, s.
 const TT_MINUS_TAI_S: f64 = 32.184;
+/// TAI − time of GPS, s.
+const TAI_MINUS_GPS_S: f64 = 19.0;
 const DAY_S: f64 = 86_400.0;
 const MJD_1900: i64 = 15_020;
 /// JD of MJD 0, whole days and the half that is left.
@@ -74,6 +76,8 @@ pub enum Scale {
     Tt,
     /// Barycentric dynamical time; from TT by its largest term, to 30 µs.
     Tdb,
+    /// The time of GPS: 19 s behind TAI.
+    Gps,
 }
 
 impl Scale {
@@ -83,6 +87,7 @@ impl Scale {
             "tai" => Self::Tai,
             "tt" => Self::Tt,
             "tdb" => Self::Tdb,
+            "gps" => Self::Gps,
             _ => return None,
         })
     }
@@ -111,6 +116,8 @@ pub struct Photometry {
     pub filter: Option<Vec<String>>,
     /// Cameras of an instrument that has several: each may have a zero point of its own.
     pub camera: Option<Vec<String>>,
+    /// Whether the target was in the Earth's shadow or penumbra, where the file says it.
+    pub eclipsed: Option<Vec<bool>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
     /// Name of the target; may be empty.
@@ -139,9 +146,11 @@ pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError
     if bytes.starts_with(b"SIMPLE  =") {
         return tables::of_fits(path, bytes);
     }
-    let text = crate::read::decode(path, bytes)?;
+    let (text, note) = words::decode(path, bytes)?;
     if let Some(format) = recognise(&text) {
-        return Ok(Source::Samples(format, Box::new(read_str(path, &text, format)?)));
+        let mut read = read_str(path, &text, format)?;
+        read.notes.extend(note);
+        return Ok(Source::Samples(format, Box::new(read)));
     }
     if xml::is_votable(&text) {
         return Ok(Source::Table("VOTable", Box::new(xml::votable(path, &text)?)));
@@ -153,10 +162,13 @@ pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError
     if text.starts_with("# %ECSV") {
         return Ok(Source::Table("ECSV", Box::new(crate::text_table::read_str(path, &text)?)));
     }
-    if let Some((name, table)) = words::read(path, &text)? {
-        return Ok(Source::Table(name, Box::new(table)));
+    let (name, mut table) = words::read(path, &text)?;
+    if let Some(note) = note {
+        let notes =
+            table.meta.entry(words::READING_NOTES).or_insert_with(|| Vec::<String>::new().into());
+        notes.as_array_mut().into_iter().for_each(|notes| notes.push(note.clone().into()));
     }
-    Ok(Source::Table("CSV", Box::new(crate::text_table::read_str(path, &text)?)))
+    Ok(Source::Table(name, Box::new(table)))
 }
 
 /// Returns the format of a text, where it is one of these.
@@ -230,6 +242,7 @@ pub fn moment(day: i64, part: f64, scale: Scale) -> Option<Epoch> {
             Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
         }
         Scale::Tai => first(seconds),
+        Scale::Gps => first(seconds + TAI_MINUS_GPS_S),
         Scale::Tt => first(seconds - TT_MINUS_TAI_S),
         Scale::Tdb => {
             let g = (357.53 + 0.985_600_28 * ((day - 51_544) as f64 + part - 0.5)).to_radians();
@@ -251,7 +264,7 @@ fn of_julian_text(text: &str, scale: Scale) -> Option<Epoch> {
 /// Text of MMT-9: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km), phase (degrees), channel, track.
 fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     let (mut standard, mut ranges, mut phases, mut filter) = (vec![], vec![], vec![], vec![]);
-    let mut camera = Vec::new();
+    let (mut camera, mut eclipsed) = (Vec::new(), Vec::new());
     let mut read = Photometry::default();
     for (number, line) in text.lines().enumerate() {
         if line.starts_with('#') || line.trim().is_empty() {
@@ -277,6 +290,7 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         ranges.push(value(6, "a distance, km")?);
         phases.push(value(7, "a phase angle, degrees")?);
         filter.push(fields[4].to_owned());
+        eclipsed.push(value(5, "a number of the penumbra, 0 for sunlight")? != 0.0);
         camera.push(fields[8].to_owned());
     }
     read.standard = Some(standard);
@@ -284,6 +298,7 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     read.phase_deg = Some(phases);
     read.filter = Some(filter);
     read.camera = Some(camera);
+    read.eclipsed = Some(eclipsed);
     Ok(read)
 }
 
@@ -301,6 +316,8 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     let mut number_of_session = 0;
     let mut to_middle_s = 0.0;
     let mut numbered: Option<String> = None;
+    // Samples without a magnitude, and the line of the first.
+    let mut lost: (usize, usize) = (0, 0);
     for (number, line) in text.lines().enumerate() {
         let line = line.trim();
         let wrong = |found: String, expected: &str| {
@@ -449,9 +466,14 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
             Some(text) => finite(text, "MAGADJUST, mag")?,
             None => 0.0,
         };
+        if words::is_missing(magnitude) {
+            lost = (lost.0 + 1, if lost.0 == 0 { number + 1 } else { lost.1 });
+            continue;
+        }
         read.time.push(time + Duration::from_seconds(to_middle_s));
         read.magnitude.push(finite(magnitude, "a magnitude")? + adjust);
         sigma.push(match others.first().filter(|e| !e.is_empty()) {
+            Some(text) if words::is_missing(text) => f64::NAN,
             Some(text) => finite(text, "an uncertainty, mag")?,
             None => f64::NAN,
         });
@@ -459,6 +481,14 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         sessions.push(format!("{number_of_session} {date}").trim_end().to_owned());
         let band = meta.get("MAGBAND").or_else(|| meta.get("FILTER"));
         filters.push(band.cloned().unwrap_or_default());
+    }
+    if lost.0 > 0 {
+        let words = format!("{} samples without a magnitude", lost.0);
+        if lost.0 > read.time.len() {
+            let error = ParseError::new(path, words, "magnitudes in most of its lines");
+            return Err(error.at_line(lost.1 as u64));
+        }
+        read.notes.push(format!("{words} are left out (the first in line {})", lost.1));
     }
     if sigma.iter().any(|s: &f64| *s > 0.0) {
         read.sigma_mag = Some(sigma);
@@ -551,8 +581,18 @@ impl Message {
         }
         let meta = &self.meta;
         let name = meta.get("TIME_SYSTEM").map_or("", String::as_str);
-        let scale = Scale::of(name)
-            .ok_or_else(|| (format!("TIME_SYSTEM `{}`", shortened(name)), "UTC, TAI, TT or TDB"))?;
+        // What the message says besides its numbers.
+        let mut said: Vec<String> = Vec::new();
+        let scale = match name {
+            "UT1" => {
+                said.push("TIME_SYSTEM = UT1: taken as UTC, from which it is up to 0.9 s".into());
+                Scale::Utc
+            }
+            _ => Scale::of(name).ok_or_else(|| {
+                let found = format!("TIME_SYSTEM `{}`", shortened(name));
+                (found, "UTC, UT1, TAI, TT, TDB or GPS")
+            })?,
+        };
         let time = of_ccsds_text(epoch, scale).ok_or_else(|| {
             (
                 format!("`{}`", shortened(epoch)),
@@ -577,7 +617,6 @@ impl Message {
             _ => return Err((format!("`{}`", shortened(value)), "a magnitude")),
         };
         // What CORRECTION_MAG says is in the values already, or has to be added.
-        let mut said: Vec<String> = Vec::new();
         let correction = match meta.get("CORRECTION_MAG").map(|c| (c, c.parse::<f64>())) {
             None => 0.0,
             Some((_, Ok(c))) if c.is_finite() => {

@@ -38,7 +38,7 @@ fn without_untimed_rows(table: &mut Table) {
 }
 
 /// Keeps the rows that `keep` says; a row has `width` values.
-fn retain(values: &mut Values, keep: &[bool], width: usize) {
+pub(super) fn retain(values: &mut Values, keep: &[bool], width: usize) {
     let mut at = 0;
     let mut kept = || {
         at += 1;

@@ -4,6 +4,7 @@ use super::votable_binary::Form;
 use super::{Message, Photometry, shortened};
 use crate::{Column, ParseError, Table, Values};
 use roxmltree::{Document, Node, ParsingOptions};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Nodes of a document at most: a hundred million would fill most memories.
@@ -34,13 +35,38 @@ pub(super) fn is_xml(text: &str) -> bool {
         && head.next().is_some_and(|c| c.is_ascii_alphabetic() || "?!".contains(c))
 }
 
+/// The text with blanks in place of a document type that defines nothing of its own (`<!DOCTYPE tdm>`): what it names elsewhere is never fetched.
+fn without_doctype(text: &str) -> Cow<'_, str> {
+    const START: &str = "<!DOCTYPE";
+    let end = text.char_indices().nth(4096).map_or(text.len(), |(at, _)| at);
+    let Some(from) = text[..end].find(START) else { return Cow::Borrowed(text) };
+    let mut quote = None;
+    for (at, c) in text[from..end].char_indices() {
+        match (quote, c) {
+            (Some(q), c) if q == c => quote = None,
+            (Some(_), _) => {}
+            (None, '"' | '\'') => quote = Some(c),
+            // Its own definitions stay, and are refused.
+            (None, '[') => return Cow::Borrowed(text),
+            (None, '>') => {
+                let blank = |c: char| if c == '\n' { '\n' } else { ' ' };
+                let blanks: String = text[from..=from + at].chars().map(blank).collect();
+                return Cow::Owned(format!("{}{blanks}{}", &text[..from], &text[from + at + 1..]));
+            }
+            (None, _) => {}
+        }
+    }
+    Cow::Borrowed(text)
+}
+
 fn parsed<'a>(path: &Path, text: &'a str) -> Result<Document<'a>, ParseError> {
     // A DTD may define entities that grow without end; VOTables of old name one and do not need it.
     let options =
         ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|error| {
         let line = u64::from(error.pos().row);
-        ParseError::new(path, error.to_string(), "well-formed XML without a DTD").at_line(line)
+        ParseError::new(path, error.to_string(), "well-formed XML without definitions of a DTD")
+            .at_line(line)
     })
 }
 
@@ -54,7 +80,8 @@ fn text_of<'a>(node: Node<'a, '_>) -> &'a str {
 
 /// Magnitudes of a tracking data message (CCSDS 503.0-B-2, section 4).
 pub(super) fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
-    let document = parsed(path, text)?;
+    let text = without_doctype(text);
+    let document = parsed(path, &text)?;
     let named = |name: &'static str| move |n: &Node<'_, '_>| n.tag_name().name() == name;
     let mut message = Message::default();
     for segment in document.descendants().filter(named("segment")) {
@@ -86,7 +113,8 @@ pub(super) fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
 ///
 /// A TIMESYS becomes metadata: `timesys_of` with an entry for each column that refers to one; `timesys`, `timeorigin` and `refposition` where the document has a single one.
 pub(super) fn votable(path: &Path, text: &str) -> Result<Table, ParseError> {
-    let document = parsed(path, text)?;
+    let text = without_doctype(text);
+    let document = parsed(path, &text)?;
     let named = |name: &'static str| move |n: &Node<'_, '_>| n.tag_name().name() == name;
     let Some(table) = document.descendants().find(named("TABLE")) else {
         return Err(ParseError::new(path, "no TABLE", "a VOTable with a table"));

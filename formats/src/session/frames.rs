@@ -10,6 +10,20 @@ use std::path::{Path, PathBuf};
 /// The keyword of a frame's sequence number: counts each camera's frames from 1, whether they could be written or not.
 pub const FRAME_NUMBER: &str = "FRAMENO";
 
+/// The keyword of a frame that may be another program's: one used the camera, too.
+pub const SHARED: &str = "SHARED";
+/// The keyword of the median that a flat should have, ADU.
+pub const FLAT_LEVEL: &str = "FLATLEV";
+/// The keyword of a frame whose filter is not known: nobody saw where the wheel stood.
+pub const FILTER_DOUBTED: &str = "FILTDOUB";
+/// Parts of its level between which a flat's median lies.
+const NEAR_LEVEL: [f64; 2] = [0.6, 1.5];
+
+/// Whether a flat with this median, ADU, is near enough to its level to count.
+pub fn is_near_level(median_adu: f64, level_adu: f64) -> bool {
+    (NEAR_LEVEL[0]..=NEAR_LEVEL[1]).contains(&(median_adu / level_adu))
+}
+
 /// Suffix of an unfinished frame's name.
 pub(super) const PART: &str = ".part";
 

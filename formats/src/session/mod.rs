@@ -91,7 +91,9 @@ pub use check::{CameraReport, CounterReport, Finding, Report, Severity};
 pub use counts::Counts;
 pub use event::{ClockState, Event, Mark, Target, TargetKind, What};
 pub use fragile::Fragile;
-pub use frames::{FRAME_NUMBER, FrameFile, Frames};
+pub use frames::{
+    FILTER_DOUBTED, FLAT_LEVEL, FRAME_NUMBER, FrameFile, Frames, SHARED, is_near_level,
+};
 pub use index::{CountBlock, CountIndex};
 pub use manifest::{Device, DeviceKind, FORMAT, FileSum, Manifest, is_name};
 pub use reader::{Events, Session, Visit};

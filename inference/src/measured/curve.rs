@@ -82,7 +82,7 @@ impl MeasuredCurve {
             tracks: curve.tracks.clone(),
             cameras: curve.cameras.clone(),
             file_rows: curve.file_rows.clone(),
-            warnings: Vec::new(),
+            warnings: curve.notes.clone(),
         }
     }
 

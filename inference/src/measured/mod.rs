@@ -16,7 +16,7 @@ use ndarray::Array2;
 use std::path::Path;
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
-use sunglint_radiometry::light_curve::published::MagnitudeOptions;
+use sunglint_radiometry::light_curve::published::{MagnitudeOptions, ObjectRows};
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::pass::{BANDS, Overrides, Pass, Study};
 
@@ -35,7 +35,8 @@ pub struct CurveOfScene {
     pub station: Option<Station>,
 }
 
-/// Reads curves with the scene that stands after them: `CURVE… PASS.toml`, once or more often; at least one, all of rates or all of magnitudes.
+/// Reads curves with the scene that stands after them: `CURVE… PASS.toml`, once or more often; at least one, all of rates or all of magnitudes. Rows of several objects are an error, unless
+/// one is named or the scene has a place for each row (`[times] table`): then all are taken, as of bodies that are alike.
 ///
 /// # Errors
 /// Files that cannot be read; a curve without a scene, a scene without a curve; rates beside magnitudes.
@@ -43,22 +44,28 @@ pub fn joined<P: AsRef<Path>>(
     inputs: &[P],
     magnitudes: &MagnitudeOptions,
 ) -> Result<Vec<CurveOfScene>, MeasuredError> {
-    let (mut curves, mut waiting) = (Vec::<CurveOfScene>::new(), Vec::new());
+    let (mut curves, mut waiting) = (Vec::<CurveOfScene>::new(), Vec::<&Path>::new());
     for path in inputs {
         let path = path.as_ref();
         if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
-            waiting.push(MeasuredCurve::read(path, magnitudes)?);
+            waiting.push(path);
             continue;
         }
         let scene = Scene::read(path)?;
         if waiting.is_empty() {
             return Err(MeasuredError::NoCurve { scene: path.to_path_buf() });
         }
-        let of = |measured| CurveOfScene { measured, scene: scene.clone(), station: None };
-        curves.extend(waiting.drain(..).map(of));
+        let mut options = magnitudes.clone();
+        if scene.has_observations() && options.rows == ObjectRows::One {
+            options.rows = ObjectRows::All;
+        }
+        for path in waiting.drain(..) {
+            let measured = MeasuredCurve::read(path, &options)?;
+            curves.push(CurveOfScene { measured, scene: scene.clone(), station: None });
+        }
     }
     if let Some(left) = waiting.first() {
-        return Err(MeasuredError::NoScene { curve: left.path.clone() });
+        return Err(MeasuredError::NoScene { curve: left.to_path_buf() });
     }
     if curves.is_empty() {
         return Err(MeasuredError::Nothing);

@@ -2,7 +2,8 @@
 //!
 //! Residuals are those of ln f, so that nine decades count alike; they are taken as Student's with four degrees of freedom, whose width is found with the parameters,
 //! so that outliers pull little and the likelihood still ranks the laws. Values that are 0 or less have no logarithm: they are left out and counted, and what
-//! the law says there is compared with them. A law never reflects more than it got: what the fit would reflect beyond that at any angle of incidence is a penalty,
+//! the law says there is compared with them. A few bright samples of a peak are no outliers: a law that has the table's peak and hemispherical reflectance at each incidence goes before one that has not.
+//! A law never reflects more than it got: what the fit would reflect beyond that at any angle of incidence is a penalty,
 //! and what is left of it is scaled away. Intervals come from the curvature (sandwich estimate, Huber 1967); neighbours whose residuals are alike, as
 //! where a law does not quite fit, count as fewer.
 
@@ -24,6 +25,8 @@ use rayon::prelude::*;
 use solve::{Data, Found, Judge, NU};
 use sunglint_numerics::order::median;
 use sunglint_simulator::surface::{ComplexIndex, MaterialError};
+use surface::hemisphere::{self, Hemisphere};
+use surface::{Flaw, MOST_OFF};
 
 /// How laws are fitted.
 #[derive(Debug, Clone, Default)]
@@ -101,13 +104,20 @@ pub fn fit(samples: &Samples, options: &FitOptions) -> Result<Fit, FitError> {
         .par_iter()
         .map(|law| one(*law, &data, &dark, &order, rise.as_ref(), options))
         .collect::<Result<Vec<_>, _>>()?;
+    for fit in &mut fits {
+        let law = fit.law.with(&fit.values(), rise.as_ref());
+        fit.is_faithful = !figures(&data, &law).iter().any(Flaw::needs_consent);
+    }
     rank(&mut fits, used.len());
     if let Some(best) = fits.first_mut() {
         verify(best, &data, rise.as_ref(), options)?;
     }
     remarks(&fits, used.len(), &mut notes);
+    let flaws = fits.first().map_or_else(Vec::new, |best| {
+        figures(&data, &best.law.with(&best.values(), rise.as_ref()))
+    });
     let independent = independent(used.len(), fits.first().map_or(0.0, |f| f.correlation));
-    Ok(Fit { wavelength_nm, used, left_out, laws: fits, independent, notes })
+    Ok(Fit { wavelength_nm, used, left_out, laws: fits, independent, flaws, notes })
 }
 
 fn wavelength(samples: &Samples, asked: Option<f64>) -> Result<usize, FitError> {
@@ -138,6 +148,7 @@ fn data(
     let mut data = Data::default();
     let (mut used, mut left_out, mut dark) = (Vec::new(), LeftOut::default(), Vec::new());
     let anisotropic = samples.has_azimuths();
+    let limit = saturated(samples, column).map_or(f64::INFINITY, |s| s * (1.0 - ALIKE));
     for (k, row) in samples.rows.iter().enumerate() {
         let value = row.brdf_per_sr[column];
         let (i, o) = row.directions();
@@ -147,6 +158,8 @@ fn data(
             left_out.missing += 1;
         } else if i.z < 1e-6 || o.z < 1e-6 {
             left_out.horizon += 1;
+        } else if value >= limit {
+            left_out.saturated += 1;
         } else if value <= 0.0 {
             left_out.not_above_zero += 1;
             if sigma > 0.0 {
@@ -178,6 +191,73 @@ fn incidences(samples: &Samples, used: &[usize]) -> Vec<f64> {
     all.sort_by(f64::total_cmp);
     all.dedup_by(|a, b| (*a - *b).abs() < 1e-3);
     all
+}
+
+/// Faults of a law in the hemispherical reflectance and the peak of each direction of incidence with five values or more.
+fn figures(data: &Data, law: &Evaluated<'_>) -> Vec<Flaw> {
+    let mut groups: std::collections::BTreeMap<[i64; 2], Vec<usize>> =
+        std::collections::BTreeMap::new();
+    for (k, i) in data.i.iter().enumerate() {
+        let key = [i.x, i.y].map(|v| (v * 1e5).round() as i64);
+        groups.entry(key).or_default().push(k);
+    }
+    let mut flaws = Vec::new();
+    for rows in groups.values().filter(|rows| rows.len() >= 5) {
+        let i = data.i[rows[0]];
+        let theta_i_deg = (i.x.hypot(i.y).atan2(i.z).to_degrees() * 1e4).round() / 1e4;
+        let o: Vec<DVec3> = rows.iter().map(|k| data.o[*k]).collect();
+        let value: Vec<f64> = rows.iter().map(|k| data.ln[*k].exp()).collect();
+        let seen: Vec<f64> = o.iter().map(|o| law.brdf(i, *o)).collect();
+        let hemisphere = Hemisphere::new(i, &o, &value);
+        let table = hemisphere.of(&value);
+        if !hemisphere.is_resolved() {
+            let hemispherical = if hemisphere.is_known() { table } else { f64::NAN };
+            let ln_doubt = hemisphere.ln_doubt;
+            flaws.push(Flaw::PeakNotResolved { theta_i_deg, hemispherical, ln_doubt });
+        }
+        let ratio = hemisphere.of(&seen) / table;
+        if hemisphere.is_known() && (ratio - 1.0).abs() > MOST_OFF[0] {
+            flaws.push(Flaw::Hemispherical { theta_i_deg, ratio });
+        }
+        let peak = hemisphere::peak(i, &o, 1e-3, 0.1);
+        let ln: f64 = peak.iter().map(|k| (seen[*k].max(1e-300) / value[*k]).ln()).sum();
+        let ratio = (ln / peak.len().max(1) as f64).exp();
+        if (ratio - 1.0).abs() > MOST_OFF[1] {
+            flaws.push(Flaw::Peak { theta_i_deg, ratio });
+        }
+    }
+    flaws
+}
+
+/// Values that differ by less than this part are the same number.
+const ALIKE: f64 = 1e-9;
+/// A value below this part of the maximum follows a plateau of a saturated detector; a rounded number would follow closely.
+const BELOW: f64 = 0.97;
+
+/// The largest value, where it is a detector's limit: at one incidence it is there at two distances from the mirrored direction or more, and what comes next is clearly less.
+fn saturated(samples: &Samples, column: usize) -> Option<f64> {
+    let value = |row: &Sample| row.brdf_per_sr[column];
+    let most = samples.rows.iter().map(value).filter(|v| v.is_finite()).fold(0.0_f64, f64::max);
+    let mut by_incidence: std::collections::BTreeMap<[i64; 2], (Vec<f64>, f64)> =
+        std::collections::BTreeMap::new();
+    for row in &samples.rows {
+        let (i, o) = row.directions();
+        let key = [i.x, i.y].map(|v| (v * 1e5).round() as i64);
+        let entry = by_incidence.entry(key).or_default();
+        if value(row) >= most * (1.0 - ALIKE) {
+            entry.0.push((i.x + o.x).hypot(i.y + o.y));
+        } else if value(row) > entry.1 {
+            entry.1 = value(row);
+        }
+    }
+    // Values that are all alike, as of diffuse light, have none that is clearly less.
+    let is_plateau = |(radii, next): &mut (Vec<f64>, f64)| {
+        radii.sort_by(f64::total_cmp);
+        // The same by symmetry is one distance.
+        radii.dedup_by(|a, b| (*a - *b).abs() < 2e-3);
+        radii.len() > 1 && *next > 0.0 && *next < BELOW * most
+    };
+    by_incidence.values_mut().any(is_plateau).then_some(most)
 }
 
 /// Pairs of neighbouring rows: the same incidence, and the next in order along the plane of incidence and around it.
@@ -289,6 +369,7 @@ fn one(
         energy_to_deg,
         energy_held,
         above_zeros: above_zeros.filter(|r| *r > 1.0),
+        is_faithful: false,
         converged: best.converged,
         residual,
     })
@@ -474,8 +555,8 @@ fn rank(fits: &mut [LawFit], n: usize) {
     }
     let chosen = |f: &LawFit| f.conserves_energy();
     fits.sort_by(|a, b| {
-        (!chosen(a), a.aicc, a.bic)
-            .partial_cmp(&(!chosen(b), b.aicc, b.bic))
+        (!chosen(a), !a.is_faithful, a.aicc, a.bic)
+            .partial_cmp(&(!chosen(b), !b.is_faithful, b.aicc, b.bic))
             .unwrap_or(std::cmp::Ordering::Equal)
     });
     let least = fits.iter().map(|f| f.aicc).fold(f64::INFINITY, f64::min);

@@ -1,6 +1,7 @@
 //! Results of fits, and notes on them.
 
 use super::law::Law;
+use super::surface::Flaw;
 use serde::Serialize;
 use std::fmt;
 use sunglint_simulator::surface::MaterialError;
@@ -59,14 +60,18 @@ pub struct LeftOut {
     pub at_floor: usize,
     /// At the horizon, on either side.
     pub horizon: usize,
+    /// At the largest value that the detector could show.
+    pub saturated: usize,
+    /// At incidences with fewer than five values.
+    pub few: usize,
 }
 
 impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { missing, not_above_zero, at_floor, horizon } = self;
+        let Self { missing, not_above_zero, at_floor, horizon, saturated, few } = self;
         write!(
             f,
-            "left out: {missing} without a number, {not_above_zero} not above 0, {at_floor} up to the floor, {horizon} at the horizon"
+            "left out: {missing} without a number, {not_above_zero} not above 0, {at_floor} up to the floor, {horizon} at the horizon, {saturated} saturated, {few} at incidences with fewer than five values"
         )
     }
 }
@@ -115,6 +120,8 @@ pub struct LawFit {
     pub energy_held: bool,
     /// The largest ratio of what the law says to what was measured, where that was 0 or less but has an uncertainty: beyond 3 σ of it.
     pub above_zeros: Option<f64>,
+    /// Whether it keeps the table's hemispherical reflectance and peak at every incidence.
+    pub is_faithful: bool,
     /// Whether the search ended in a minimum.
     pub converged: bool,
     /// ln f measured − ln f of the law, by used row.
@@ -224,6 +231,15 @@ pub struct Fit {
     pub laws: Vec<LawFit>,
     /// Number of independent values that those of the table count for.
     pub independent: f64,
+    /// Faults of the most likely law.
+    pub flaws: Vec<Flaw>,
     /// Notes for the user.
     pub notes: Vec<Note>,
+}
+
+impl Fit {
+    /// Whether the most likely law has the table's peak and hemispherical reflectance at every incidence.
+    pub fn is_faithful(&self) -> bool {
+        !self.flaws.iter().any(Flaw::needs_consent)
+    }
 }

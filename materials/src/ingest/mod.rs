@@ -9,6 +9,7 @@ mod repeat;
 pub mod spectra;
 mod spectrum;
 
+pub use repeat::once;
 pub use spectrum::{AxisError, RawSpectrum};
 
 use super::samples::{Sample, Samples, turned};

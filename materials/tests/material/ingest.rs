@@ -225,10 +225,10 @@ fn what_is_wrong_is_said() {
     );
 }
 
-/// Truth: by hand. Three records of one direction at 0.9, 1 and 1.1 of it are their mean, with a scatter of 10 % and σ = 10 %/√3 of it; another direction keeps its number. A whole turn more
+/// Truth: by hand. Three records of one direction at 0.9, 1 and 1.1 of it are their median, with a scatter of 10 % and σ = 10 % √(π/2)/√3 of it; another direction keeps its number. A whole turn more
 /// is the same azimuth.
 #[test]
-fn a_direction_that_was_measured_thrice_is_its_mean() {
+fn a_direction_that_was_measured_thrice_is_its_median() {
     let mut all = vec![direction(30.0, 10.0, 1.0), direction(20.0, 5.0, 1.0)];
     let once = ingest(&channels(), &reference(), &all, &options()).unwrap();
     assert!(once.repeats.is_empty());
@@ -244,7 +244,7 @@ fn a_direction_that_was_measured_thrice_is_its_mean() {
     let (f, truth) = (done.samples.rows[0].brdf_per_sr[0], once.samples.rows[0].brdf_per_sr[0]);
     assert!((f / truth - 1.0).abs() < 1e-9, "{f} {truth}");
     let sigma = done.samples.rows[0].sigma_per_sr[0] / f;
-    assert!((sigma * 3_f64.sqrt() - 0.1).abs() < 1e-3, "{sigma}");
+    assert!((sigma * (6.0 / std::f64::consts::PI).sqrt() - 0.1).abs() < 1e-3, "{sigma}");
     assert_eq!(done.pairs[0].directions, [1, 5]);
     let said = done.warnings.iter().find(|w| w.contains("are the same one")).unwrap();
     assert!(said.contains("directions 1, 3, 4") && said.contains("scatter by 10.0"), "{said}");

@@ -8,10 +8,12 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use sunglint_formats::{fred, zemax};
 use sunglint_materials::exchange::{self, Exchange};
-use sunglint_materials::fit::FitError;
 use sunglint_materials::fit::surface::{
-    Cone, Flaw, Floor, Kind, Recipe, Rise, SurfaceFit, SurfaceOptions, fit_surface, hemisphere,
+    Cone, Flaw, Floor, Kind, Recipe, Rise, SurfaceFit, SurfaceOptions, fit_surface,
+    hemisphere::{self, Hemisphere},
 };
+use sunglint_materials::fit::{FitError, FitOptions, fit};
+use sunglint_materials::ingest::once;
 use sunglint_materials::read;
 use sunglint_materials::samples::{Sample, Samples, direction, turned};
 use sunglint_numerics::progress::Silent;
@@ -70,7 +72,8 @@ fn show(fit: &SurfaceFit) {
 }
 
 /// Truth: ∫ cosθ dω/π = 1 over the hemisphere of a Lambert surface, and e^(−(x/w)²) in direction cosines about the mirrored direction, whose area is πw² while it lies inside
-/// the disc. Tolerance: 2 % in the plane (steps of 1°; the horizon's last half step), 3 % for samples out of it every 5° and 10° (cells of 5° across).
+/// the disc. Tolerance: 2 % in the plane (steps of 1°; the horizon's last half step), 3 % for samples out of it every 5° and 10° (the horizon's last 5°); 12 % of the bell there, whose half-width is
+/// 7°, which is what the stated doubt says.
 #[test]
 fn hemispherical_reflectance_is_the_integral() {
     let w: f64 = 0.12;
@@ -82,18 +85,21 @@ fn hemispherical_reflectance_is_the_integral() {
             grid.extend((0..=18).map(|k| direction(5.0 * f64::from(theta), 10.0 * f64::from(k))));
         }
         for (o, most) in [(&plane, 0.02), (&grid, 0.03)] {
-            let weights = hemisphere::weights(i, o);
-            let lambert = weights.iter().sum::<f64>() / PI;
+            let flat = vec![1.0 / PI; o.len()];
+            let found = Hemisphere::new(i, o, &flat);
+            let lambert = found.of(&flat);
             assert!((lambert - 1.0).abs() < most, "{theta_i}: {lambert}");
-            assert!((hemisphere::coverage(&weights) - lambert).abs() < 1e-12);
+            assert!((found.coverage - lambert).abs() < 1e-9 && found.ln_doubt < 1e-9);
             // Beyond, the horizon cuts the bell.
             if theta_i <= 42.0 {
                 let bell = |o: &DVec3| (-((o.x + i.x).powi(2) + o.y * o.y) / (w * w)).exp();
-                let sum: f64 = weights.iter().zip(o.iter()).map(|(w, o)| w * bell(o)).sum();
-                let ratio = sum / (PI * w * w);
-                // A bell of 7° half-width in cells of 5°, each of which takes the value of its middle: 16 % too much at normal incidence, where a ring of cells is wide.
-                let most = if o.len() == plane.len() { 0.03 } else { 0.2 };
+                let value: Vec<f64> = o.iter().map(bell).collect();
+                let found = Hemisphere::new(i, o, &value);
+                let ratio = found.of(&value) / (PI * w * w);
+                let most = if o.len() == plane.len() { 0.01 } else { 0.12 };
+                eprintln!("{theta_i}: {ratio} {}", found.ln_doubt);
                 assert!((ratio - 1.0).abs() < most, "{theta_i}: {ratio}");
+                assert!(found.is_resolved());
             }
         }
     }
@@ -103,6 +109,112 @@ fn hemispherical_reflectance_is_the_integral() {
     assert_eq!(at(60.0), [60]);
     assert_eq!(at(41.4), [41, 42]);
     assert!(hemisphere::peak(direction(60.0, 0.0), &o[..50], 0.004, 0.1).is_empty());
+}
+
+/// ∫ f cosθ dω by fine rings about the mirrored ray, whose radii grow by factors: 800 × 360 directions, no part of the project's rules.
+fn reflected(f: Truth<'_>, theta_i_deg: f64) -> f64 {
+    let i = direction(theta_i_deg, 180.0);
+    let mirrored = direction(theta_i_deg, 0.0);
+    let (along, across) = (direction(theta_i_deg + 90.0, 0.0), DVec3::Y);
+    let edge = |k: u32| if k == 0 { 0.0 } else { 1e-5 * (PI / 1e-5).powf(f64::from(k) / 800.0) };
+    let mut sum = 0.0;
+    for k in 0..800 {
+        let (a, b) = (edge(k), edge(k + 1));
+        let (sin, cos) = (0.5 * (a + b)).sin_cos();
+        for j in 0..360 {
+            let (y, x) = ((f64::from(j) + 0.5).to_radians()).sin_cos();
+            let o = mirrored * cos + (along * x + across * y) * sin;
+            if o.z > 1e-6 {
+                sum += (a.cos() - b.cos()) * PI / 180.0 * f(i, o) * o.z;
+            }
+        }
+    }
+    sum
+}
+
+/// A Zemax file of a law: its azimuths about the mirrored ray and radial angles, with a TIS for each incidence (synthetic).
+fn zemax_file(f: Truth<'_>, incidences: &[f64], radials: &[f64], tis: &[f64]) -> zemax::ZemaxBsdf {
+    let azimuths: Vec<f64> = (0..=9).map(|k| 20.0 * f64::from(k)).collect();
+    let mut value_per_sr = Vec::new();
+    for theta in incidences {
+        let mirrored = direction(*theta, 0.0);
+        let to_normal = direction(*theta - 90.0, 0.0);
+        for azimuth in &azimuths {
+            for radial in radials {
+                let (sin, cos) = radial.to_radians().sin_cos();
+                let (y, x) = azimuth.to_radians().sin_cos();
+                let o = mirrored * cos + (to_normal * x + DVec3::Y * y) * sin;
+                value_per_sr.push(if o.z > 0.02 { f(direction(*theta, 180.0), o) } else { 0.0 });
+            }
+        }
+    }
+    zemax::ZemaxBsdf {
+        comments: vec!["synthetic".into()],
+        source: "Measured".into(),
+        plane_symmetrical: true,
+        transmitted: false,
+        incidence_deg: incidences.to_vec(),
+        azimuth_deg: azimuths,
+        radial_deg: radials.to_vec(),
+        tis: tis.to_vec(),
+        value_per_sr,
+    }
+}
+
+const RADIALS: [f64; 14] =
+    [0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 80.0, 100.0];
+
+/// Truth: the law's own integral over 288,000 directions. Narrow lobes in Zemax's grid about the mirrored ray, 0.60 at all incidences: the table's reflectance is that to 6 % (radii that grow
+/// by factors of two), at the normal as obliquely, and what the file says is kept in what is written. Samples 5° apart say nothing of a lobe of 1°, and neither the fit nor Zemax's file gets a
+/// number then.
+#[test]
+fn narrow_peaks_out_of_the_plane_are_weighed() {
+    let incidences = [0.0, 20.0, 40.0, 60.0];
+    for alpha in [0.01, 0.03] {
+        let law = ggx(0.5, alpha, alpha, false, 0.1);
+        let truth = incidences.map(|theta| reflected(&law, theta));
+        let file = zemax_file(&law, &incidences, &RADIALS, &truth);
+        let text = zemax::to_string(&file);
+        let path = Path::new("made.bsdf");
+        let samples =
+            exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(550.0)).unwrap();
+        for (theta, truth) in incidences.iter().zip(truth) {
+            let rows: Vec<&Sample> =
+                samples.rows.iter().filter(|r| r.theta_i_deg == *theta).collect();
+            let o: Vec<DVec3> = rows.iter().map(|r| r.directions().1).collect();
+            let value: Vec<f64> = rows.iter().map(|r| r.brdf_per_sr[0]).collect();
+            let found = Hemisphere::new(direction(*theta, 180.0), &o, &value);
+            eprintln!("{alpha} {theta}: {} of {truth}, {}", found.of(&value), found.ln_doubt);
+            assert!((found.of(&value) / truth - 1.0).abs() < 0.06 && found.is_resolved());
+        }
+        let mut options = pointwise();
+        options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+        let found = fit_surface(&samples, &options, &Silent).unwrap();
+        assert!(found.flaws.is_empty() && found.incidences[1].tis == Some(truth[1]));
+        assert_eq!(exchange::to_zemax(&samples, 0).unwrap().tis, truth);
+        assert!(exchange::other_than_stated(&samples).is_empty());
+        // A file whose values are a third of what it says.
+        let third = |i: DVec3, o: DVec3| 0.3 * law(i, o);
+        let text = zemax::to_string(&zemax_file(&third, &incidences, &RADIALS, &truth));
+        let samples =
+            exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(550.0)).unwrap();
+        assert_eq!(exchange::other_than_stated(&samples).len(), 4);
+        let found = fit_surface(&samples, &options, &Silent).unwrap();
+        assert_eq!(found.flaws.iter().filter(|f| matches!(f, Flaw::Tis { .. })).count(), 4);
+    }
+    let law = ggx(0.5, 0.01, 0.01, false, 0.1);
+    let radials: Vec<f64> = (0..20).map(|k| 5.0 * f64::from(k)).collect();
+    let text = zemax::to_string(&zemax_file(&law, &incidences, &radials, &[0.6; 4]));
+    let path = Path::new("made.bsdf");
+    let mut samples =
+        exchange::read_bytes(path, text.as_bytes(), Exchange::Zemax, Some(550.0)).unwrap();
+    let mut options = pointwise();
+    options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+    let found = fit_surface(&samples, &options, &Silent).unwrap();
+    assert!(found.incidences.iter().all(|i| i.hemispherical_table.is_nan()), "{found:?}");
+    samples.meta.shift_remove("tis");
+    let error = exchange::to_zemax(&samples, 0).unwrap_err().to_string();
+    assert!(error.contains("too far apart"), "{error}");
 }
 
 /// Truth: closed forms written from the papers in the tests of single laws. Tolerance: 1 % of parameters without noise (numerical derivatives, a search that ends).
@@ -138,8 +250,14 @@ fn known_surfaces_are_found() {
     one.rows[off].brdf_per_sr[0] *= 5.0;
     let other = fit_surface(&one, &options, &Silent).unwrap();
     assert!(other.outliers >= 1);
-    for (a, b) in found.numbers.iter().zip(&other.numbers) {
-        assert!((a.value / b.value - 1.0).abs() < 0.03, "{} {} {}", a.name, a.value, b.value);
+    // Lobes have no order.
+    let sorted = |fit: &SurfaceFit| {
+        let mut all: Vec<f64> = fit.numbers.iter().map(|n| n.value).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    };
+    for (a, b) in sorted(&found).iter().zip(sorted(&other)) {
+        assert!((a / b - 1.0).abs() < 0.03, "{a} {b}");
     }
 }
 
@@ -194,7 +312,7 @@ fn a_mirror_through_a_cone_keeps_its_energy() {
     }
 }
 
-/// Truth: what the table has. One incidence, two azimuths of incidence and an empty table are refused with the reason.
+/// Truth: what the table has. Four values and two azimuths of incidence are refused with the reason.
 #[test]
 fn tables_that_do_not_suffice_say_why() {
     let lambert = |_: DVec3, _: DVec3| 0.1;
@@ -202,8 +320,9 @@ fn tables_that_do_not_suffice_say_why() {
         Err(FitError::Law { reason, .. }) => reason,
         other => panic!("{other:?}"),
     };
-    let two = table(&lambert, &[10.0, 40.0], &[180.0], 0.0, 1);
-    assert!(said(&two).contains("fewer than three incidences"));
+    let mut none = table(&lambert, &[10.0, 40.0], &[180.0], 0.0, 1);
+    none.rows.truncate(4);
+    assert!(said(&none).contains("no incidence with five values"));
     let mut turned = table(&lambert, &[10.0, 40.0, 60.0], &[180.0], 0.0, 1);
     turned.rows[100].phi_i_deg = 40.0;
     assert!(said(&turned).contains("several azimuths"));
@@ -213,6 +332,194 @@ fn tables_that_do_not_suffice_say_why() {
     assert_eq!(found.name, "lambert");
     assert!((found.numbers[0].value / (0.1 * PI) - 1.0).abs() < 1e-6);
     assert!(found.incidences.iter().all(|i| i.rms_ln.is_finite() && i.albedo.is_finite()));
+}
+
+/// Standard normal numbers (Box and Muller).
+fn normals(seed: u64) -> impl FnMut() -> f64 {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    move || {
+        let (u, v): (f64, f64) = (rng.random(), rng.random());
+        (-2.0 * (1.0 - u).ln()).sqrt() * (2.0 * PI * v).cos()
+    }
+}
+
+/// A table in the plane of incidence every degree.
+fn in_plane(incidences: &[f64], value: &mut dyn FnMut(DVec3, DVec3) -> f64) -> Samples {
+    let mut rows = Vec::new();
+    for theta_i in incidences {
+        for k in -84..=84 {
+            let theta_o = f64::from(k);
+            rows.push(Sample {
+                theta_i_deg: *theta_i,
+                phi_i_deg: 0.0,
+                theta_o_deg: theta_o,
+                phi_o_deg: 180.0,
+                brdf_per_sr: vec![value(direction(*theta_i, 0.0), direction(theta_o, 180.0))],
+                sigma_per_sr: vec![],
+            });
+        }
+    }
+    Samples { wavelength_nm: vec![550.0], rows, ..Samples::default() }
+}
+
+/// Truth: the closed forms, 1 % noise: a glint of 1° on a wide lobe and Lambert light, with light from one and from two angles. Tolerance: 10 % of the reflectance, 15 % of the value in the mirrored direction,
+/// which is a thousand times that beside it. It is said that the incidences are few, and the doubt of one is wide.
+#[test]
+fn a_glint_is_kept_with_few_incidences() {
+    let law = |i: DVec3, o: DVec3| {
+        ggx(0.4, 0.01, 0.01, false, 0.15)(i, o) + ggx(0.2, 0.25, 0.25, false, 0.0)(i, o)
+    };
+    for incidences in [&[30.0][..], &[30.0, 60.0]] {
+        let mut normal = normals(1);
+        let samples = in_plane(incidences, &mut |i, o| law(i, o) * (1.0 + 0.01 * normal()));
+        let found = fit_surface(&samples, &pointwise(), &Silent).unwrap();
+        show(&found);
+        let albedo = found.albedo.iter().find(|a| a.0 == 30.0).unwrap().1;
+        let truth = reflected(&law, 30.0);
+        assert!((albedo / truth - 1.0).abs() < 0.1, "{albedo} {truth}");
+        let (i, o) = (direction(30.0, 0.0), direction(30.0, 180.0));
+        let none = Cone { detector_deg: 0.0, source_deg: 0.0 };
+        let ratio = found.seen(i, o, &none) / law(i, o);
+        assert!((ratio - 1.0).abs() < 0.15, "{ratio}");
+        let few = found.flaws.iter().any(|f| matches!(f, Flaw::FewIncidences { .. }));
+        assert!(few && found.is_faithful(), "{:?}", found.flaws);
+        assert!(incidences.len() > 1 || found.doubt.wings_ln >= 1.0);
+    }
+}
+
+/// Truth: the same surface with light from two azimuths, of which no law of one lobe holds glint and wide lobe together: the fit says that the peak or the reflectance is off, in place of
+/// taking the glint for an outlier.
+#[test]
+fn a_law_of_one_lobe_that_loses_the_glint_says_so() {
+    let law = |i: DVec3, o: DVec3| {
+        ggx(0.4, 0.01, 0.01, false, 0.15)(i, o) + ggx(0.2, 0.25, 0.25, false, 0.0)(i, o)
+    };
+    let mut normal = normals(1);
+    let mut samples = in_plane(&[30.0], &mut |i, o| law(i, o) * (1.0 + 0.01 * normal()));
+    let other = samples.rows.iter().cloned().map(|mut row| {
+        row.phi_i_deg += 40.0;
+        row.phi_o_deg += 40.0;
+        row
+    });
+    let other: Vec<Sample> = other.collect();
+    samples.rows.extend(other);
+    let found = fit(&samples, &FitOptions::default()).unwrap();
+    assert!(!found.is_faithful() && !found.laws[0].is_faithful, "{:?}", found.laws[0]);
+}
+
+/// Truth: the closed form, errors of 1 % and of 0.002 sr⁻¹, two thirds of the diffuse light's 0.0032 sr⁻¹: a tenth of the values is below 0. With that error said, all values count, no number is off
+/// by more than three of its standard deviations, and of 15 intervals of 95 % 12 or more hold the truth (13 are below the expectation by one).
+#[test]
+fn values_around_zero_do_not_bend_the_law() {
+    let law = ggx(0.5, 0.1, 0.1, false, 0.01);
+    let mut inside = 0;
+    for seed in 1..=5 {
+        let mut normal = normals(seed);
+        let samples = in_plane(&[10.0, 30.0, 50.0, 70.0], &mut |i, o| {
+            law(i, o) * (1.0 + 0.01 * normal()) + 0.002 * normal()
+        });
+        let mut options = pointwise();
+        options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+        options.additive_per_sr = 0.002;
+        let found = fit_surface(&samples, &options, &Silent).unwrap();
+        assert_eq!((found.left_out.not_above_zero, found.values), (0, samples.rows.len()));
+        for (number, truth) in found.numbers.iter().zip([0.5, 0.1, 0.01]) {
+            let interval = number.interval.unwrap();
+            eprintln!("{seed} {}: {} in {interval:?}", number.name, number.value);
+            inside += u32::from(interval.contains(truth));
+            let off = (number.value / truth).ln() / number.sigma_ln.unwrap();
+            assert!(off.abs() < 4.0, "{} {off}", number.name);
+        }
+        // Without, values below 0 are left out, and it is said.
+        let mut below = samples.clone();
+        below.rows[0].brdf_per_sr[0] = -0.001;
+        below.rows[1].brdf_per_sr[0] = 0.0;
+        options.additive_per_sr = 0.0;
+        let found = fit_surface(&below, &options, &Silent).unwrap();
+        assert!(found.left_out.not_above_zero >= 2);
+        assert!(found.flaws.iter().any(|f| f.to_string().contains("--additive-per-sr")));
+    }
+    assert!(inside >= 12, "{inside} of 15");
+}
+
+/// Truth: a GGX lobe, which is reciprocal, of 0.1 % noise; at incidences of half degrees, so that directions and their exchange lie 0.5° apart on the flank of a narrow lobe: no fault. The same with the
+/// light of one incidence 30 % brighter is none of a reciprocal surface.
+#[test]
+fn reciprocity_is_judged_at_the_same_directions() {
+    let law = ggx(0.5, 0.02, 0.02, false, 0.001);
+    let mut normal = normals(3);
+    let mut samples =
+        in_plane(&[10.5, 14.5, 30.5, 50.5], &mut |i, o| law(i, o) * (1.0 + 0.001 * normal()));
+    let mut options = pointwise();
+    options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+    let said = |samples: &Samples| {
+        let found = fit_surface(samples, &options, &Silent).unwrap();
+        found.flaws.iter().any(|f| matches!(f, Flaw::NotReciprocal { .. }))
+    };
+    assert!(!said(&samples));
+    for row in samples.rows.iter_mut().filter(|r| r.theta_i_deg == 30.5) {
+        row.brdf_per_sr[0] *= 1.3;
+    }
+    assert!(said(&samples));
+}
+
+/// Truth: the closed form below a detector's limit of 20 sr⁻¹. The cut values are left out, it is said, and the roughness is that of the lobe to 5 %; rounding to three digits is no limit.
+#[test]
+fn saturated_peaks_are_left_out() {
+    let law = ggx(0.6, 0.03, 0.03, false, 0.1);
+    let mut normal = normals(2);
+    let samples = in_plane(&[10.0, 30.0, 50.0, 70.0], &mut |i, o| {
+        f64::min(law(i, o) * (1.0 + 0.01 * normal()), 20.0)
+    });
+    let mut options = pointwise();
+    options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+    let found = fit_surface(&samples, &options, &Silent).unwrap();
+    show(&found);
+    let cut = samples.rows.iter().filter(|r| r.brdf_per_sr[0] == 20.0).count();
+    assert!(cut > 10 && found.left_out.saturated == cut);
+    let said = |f: &Flaw| matches!(f, Flaw::Saturated { per_sr, .. } if *per_sr == 20.0);
+    assert!(found.flaws.iter().any(said));
+    assert!((found.numbers[1].value / 0.03 - 1.0).abs() < 0.05, "{:?}", found.numbers);
+    let wide = ggx(0.6, 0.3, 0.3, false, 0.1);
+    let rounded = in_plane(&[10.0, 30.0, 50.0], &mut |i, o| (wide(i, o) * 1e3).round() / 1e3);
+    assert_eq!(fit_surface(&rounded, &options, &Silent).unwrap().left_out.saturated, 0);
+}
+
+/// Truth: files that contradict what is asked, and what is meant by their names (synthetic). Another wavelength than the file's is refused; values times the cosine are divided by it; a table whose mirrored
+/// ray is at the light's azimuth is noticed; of repeated rows the median is kept.
+#[test]
+fn files_that_mean_something_else_are_noticed() {
+    let path = Path::new("made.txt");
+    let text = "# lambda = 532 nm\n# phi_i theta_i phi_o theta_o brdf\n10 0 20 180 0.5\n";
+    let read = |nm| exchange::read_bytes(path, text.as_bytes(), Exchange::Columns, nm);
+    let error = read(Some(650.0)).unwrap_err().to_string();
+    assert!(error.contains("532") && error.contains("650"), "{error}");
+    assert_eq!(read(Some(532.0)).unwrap(), read(None).unwrap());
+
+    let text = "NUM_POINTS 1\nVARS theta_i,phi_i,theta_s,phi_s,ccBSDF\n0.5,0,1.0471975511965976,3.14,0.25\n";
+    let samples = exchange::read_bytes(path, text.as_bytes(), Exchange::Astm, Some(532.0)).unwrap();
+    assert!((samples.rows[0].brdf_per_sr[0] - 0.5).abs() < 1e-12);
+    assert!(exchange::warnings(&samples)[0].contains("cosine"));
+
+    let law = ggx(0.5, 0.1, 0.1, false, 0.01);
+    let mut samples = in_plane(&[10.0, 30.0, 50.0, 70.0], &mut |i, o| law(i, o));
+    assert!(exchange::warnings(&samples).is_empty());
+    for row in &mut samples.rows {
+        row.phi_o_deg -= 180.0;
+    }
+    assert!(exchange::warnings(&samples)[0].contains("phi_i_deg + 180"));
+
+    let clean = in_plane(&[10.0, 30.0], &mut |i, o| law(i, o));
+    let mut rows = Vec::new();
+    for row in &clean.rows {
+        let mut wrong = row.clone();
+        wrong.brdf_per_sr[0] *= 5.0;
+        rows.extend([wrong, row.clone(), row.clone(), row.clone(), row.clone()]);
+    }
+    let (found, said) = once(Samples { rows, ..clean.clone() });
+    let values = |s: &Samples| s.rows.iter().map(|r| r.brdf_per_sr[0]).collect::<Vec<_>>();
+    assert_eq!(values(&found), values(&clean));
+    assert!(found.rows[0].sigma_per_sr[0] > 0.0 && said.unwrap().contains("338 directions"));
 }
 
 /// BRDF of two unit vectors, sr⁻¹.
@@ -327,7 +634,12 @@ fn real_surfaces_are_fitted() {
         eprintln!("{file}: left out {rms:.3} rms, half-width {half:.3}");
         assert!(half <= 2.0 * rms, "{file}: {half} {rms}");
         for i in &found.incidences {
-            let doubted = i.hemispherical_table > 0.95;
+            // A table that is too coarse for its peak may gain by that alone.
+            let gains = i.hemispherical_table * (-i.hemispherical_ln_doubt).exp() > 0.95;
+            // Samples beside a peak of a tenth of a degree do not tell what it holds, which is said.
+            let unknown = i.hemispherical_table.is_nan() && i.hemispherical_ln_doubt > 1.0;
+            let beside = unknown && i.peak.unwrap().off_deg > 0.3;
+            let doubted = i.hemispherical_table > 0.95 || beside;
             let (e, p) = if doubted { (0.25, 0.40) } else { (0.10, 0.25) };
             let p = if i.theta_i_deg == 70.0 { 0.35 } else { p };
             assert!((i.hemispherical_ratio - 1.0).abs() <= e, "{file}: {i:?}");
@@ -335,7 +647,7 @@ fn real_surfaces_are_fitted() {
             let said = found.flaws.iter().any(|f| {
                 matches!(f, Flaw::TableGains { theta_i_deg, .. } if *theta_i_deg == i.theta_i_deg)
             });
-            assert_eq!(doubted, said);
+            assert_eq!(gains, said);
             let unseen = i.unseen.unwrap();
             if !unseen.extrapolated {
                 assert!(unseen.inside >= 0.9, "{file}: {unseen:?}");

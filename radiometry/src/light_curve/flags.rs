@@ -46,6 +46,8 @@ bitflags::bitflags! {
         const CLOCK_FREE = 1 << 19;
         /// A simulated rate's stated error is more than the tolerance that was asked for.
         const OVER_TOLERANCE = 1 << 20;
+        /// Another program used the camera, too: the frame may be its own.
+        const SHARED = 1 << 21;
     }
 }
 
@@ -57,4 +59,5 @@ pub const TOLERATED: Flags = Flags::NO_OFF_TARGET
     .union(Flags::CLOCK_FREE)
     .union(Flags::FALLBACK)
     .union(Flags::EXTRAPOLATED)
-    .union(Flags::OVER_TOLERANCE);
+    .union(Flags::OVER_TOLERANCE)
+    .union(Flags::SHARED);

@@ -14,7 +14,7 @@ mod tracks;
 pub use flags::{Flags, TOLERATED};
 pub use provenance::{Input, Provenance};
 pub use samples::Samples;
-pub use spectral::{SpectralLightCurve, SpectralQuantity};
+pub use spectral::{SpectralFile, SpectralLightCurve, SpectralQuantity};
 pub use tracks::{Track, tracks, usual_step_s};
 
 use samples::{Reader, row};
@@ -225,6 +225,33 @@ impl LightCurve {
             }
             if channel.flags.len() == n {
                 channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
+            }
+        }
+    }
+
+    /// Keeps the samples for which `keep` is true; there is one value for each sample, and samples beyond its end are kept.
+    pub fn retain(&mut self, keep: &[bool]) {
+        fn pick<T>(from: &mut Vec<T>, keep: &[bool]) {
+            let mut at = 0;
+            from.retain(|_| {
+                at += 1;
+                keep.get(at - 1).copied().unwrap_or(true)
+            });
+        }
+        let own = &mut self.samples;
+        pick(&mut own.time, keep);
+        pick(&mut own.exposure_s, keep);
+        for column in
+            [&mut own.range_m, &mut own.phase_deg, &mut own.zenith_deg].into_iter().flatten()
+        {
+            pick(column, keep);
+        }
+        for channel in &mut self.channels {
+            pick(&mut channel.rate_hz, keep);
+            pick(&mut channel.sigma_hz, keep);
+            pick(&mut channel.flags, keep);
+            if let Some(error) = &mut channel.model_error_hz {
+                pick(error, keep);
             }
         }
     }

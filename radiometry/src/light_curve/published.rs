@@ -3,7 +3,7 @@
 use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
-use sunglint_formats::photometry::{self, ColumnNames, Photometry, Source};
+use sunglint_formats::photometry::{self, ColumnNames, Format, Photometry, Source};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values};
 use sunglint_numerics::order::{median, robust_sigma};
@@ -12,6 +12,27 @@ use sunglint_numerics::order::{median, robust_sigma};
 const GAP_S: f64 = 60.0;
 /// Astronomical unit, km (IAU 2012 B2, exact).
 const AU_KM: f64 = 149_597_870.7;
+/// Magnitudes beyond it are words for a missing one (99.99, 999).
+const MOST_MAG: f64 = 90.0;
+/// Numbers that some programs write for a missing magnitude, where no true one lies within [`LONE_MAG`].
+const WORDS_FOR_NONE: [f64; 4] = [0.0, -9.99, -9.999, -9.9999];
+/// Distance of such a number from the nearest true magnitude, mag.
+const LONE_MAG: f64 = 1.0;
+/// Columns that say which object a row is of.
+const OBJECTS: [&str; 10] = [
+    "object",
+    "object_name",
+    "objname",
+    "target",
+    "target_name",
+    "satellite",
+    "sat_id",
+    "norad",
+    "norad_id",
+    "norad_cat_id",
+];
+/// Objects that a refusal names at most.
+const MOST_NAMED: usize = 12;
 /// d ln(flux)/d mag.
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
@@ -42,6 +63,18 @@ impl MagnitudeKind {
     }
 }
 
+/// Which rows are taken of a table that says of each which object it is of.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum ObjectRows {
+    /// All, if they are of one object; several are an error.
+    #[default]
+    One,
+    /// Those of one object.
+    Of(String),
+    /// All, of however many objects: where each row has a place of its own, and all objects are alike.
+    All,
+}
+
 /// How a table of magnitudes is read.
 #[derive(Debug, Clone, Default)]
 pub struct MagnitudeOptions {
@@ -51,6 +84,8 @@ pub struct MagnitudeOptions {
     pub kind: MagnitudeKind,
     /// Their noise, mag; else a column `sigma_mag`, else the differences between neighbours give it.
     pub sigma_mag: Option<f64>,
+    /// Rows that are taken of a table of several objects.
+    pub rows: ObjectRows,
 }
 
 /// Why a file is no light curve.
@@ -103,6 +138,31 @@ pub enum PublishedError {
         /// The file.
         path: PathBuf,
     },
+    /// Rows of several objects.
+    #[error(
+        "{}: its rows are of {} objects (column `{column}`): {}: name one of them",
+        path.display(),
+        objects.len(),
+        listed(objects)
+    )]
+    Objects {
+        /// The file.
+        path: PathBuf,
+        /// The column of objects.
+        column: String,
+        /// The objects and the number of their rows.
+        objects: Vec<(String, usize)>,
+    },
+    /// An object that no row names.
+    #[error("{}: no row is of the object {wanted}; it has {found}", path.display())]
+    NoObject {
+        /// The file.
+        path: PathBuf,
+        /// The object that was asked for.
+        wanted: String,
+        /// The objects that are there, in words.
+        found: String,
+    },
     /// No magnitude has a value and a noise.
     #[error("{}: no magnitude that could be used: {why}", path.display())]
     NoneUsable {
@@ -111,6 +171,16 @@ pub enum PublishedError {
         /// The reason.
         why: Unusable,
     },
+}
+
+/// Objects with their numbers of rows, in words.
+fn listed(objects: &[(String, usize)]) -> String {
+    let named = objects.iter().take(MOST_NAMED).map(|(name, n)| format!("{name} ({n} rows)"));
+    let mut text = named.collect::<Vec<_>>().join(", ");
+    if objects.len() > MOST_NAMED {
+        text += &format!(" and {} more", objects.len() - MOST_NAMED);
+    }
+    text
 }
 
 /// Why no magnitude of a file can be used.
@@ -161,8 +231,19 @@ impl CurveFile {
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
         let table = match photometry::open(path, bytes)? {
-            Source::Samples(_, read) => {
-                let brightness = Brightness::of_photometry(path, *read, options)?;
+            Source::Samples(format, read) => {
+                if let ObjectRows::Of(wanted) = &options.rows {
+                    let found = match read.target.as_str() {
+                        "" => "no names of objects".to_owned(),
+                        target => target.to_owned(),
+                    };
+                    if found != *wanted {
+                        let (path, wanted) = (path.to_path_buf(), wanted.clone());
+                        return Err(PublishedError::NoObject { path, wanted, found });
+                    }
+                }
+                let mut brightness = Brightness::of_photometry(path, *read, options)?;
+                brightness.is_far = format == Format::Alcdef;
                 return Ok(Self::Magnitudes(Box::new(brightness)));
             }
             Source::Table(_, table) => *table,
@@ -188,7 +269,7 @@ impl CurveFile {
             let error = ParseError::new(path, "no column of times", photometry::TIME_COLUMNS);
             return Err(error.in_field("time_utc").into());
         };
-        let times = read.time;
+        let (times, mut notes) = (read.time, read.notes);
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let mut magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
@@ -215,11 +296,24 @@ impl CurveFile {
             sigma,
             exposure_s,
             labels: labels(&table),
-            cameras: None,
-            file_rows: Vec::new(),
+            is_flux,
+            ..Rows::default()
         };
-        let mut brightness = Brightness::of_rows(path, rows, options)?;
+        let mut keep = vec![true; table.rows()];
+        if let Some(good) = quality(&table) {
+            let lost = good.iter().filter(|g| !**g).count();
+            if lost > 0 {
+                notes.push(format!("{lost} rows whose QUALITY is not 0 are left out"));
+            }
+            keep = good;
+        }
+        if let Some(own) = of_object(path, &table, options)? {
+            keep.iter_mut().zip(own).for_each(|(k, own)| *k &= own);
+        }
+        let mut brightness = Brightness::of_rows(path, rows.kept(&keep), options)?;
         brightness.is_relative = is_flux;
+        notes.append(&mut brightness.notes);
+        brightness.notes = notes;
         Ok(Self::Magnitudes(Box::new(brightness)))
     }
 }
@@ -240,6 +334,8 @@ pub struct Brightness {
     pub times: Vec<Epoch>,
     /// Exposures, s; where the file has none, the usual step of the times.
     pub exposure_s: Vec<f64>,
+    /// Whether the file says the exposures.
+    pub is_exposure_known: bool,
     /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
     pub flux: Vec<f64>,
     /// Standard uncertainty of the flux.
@@ -254,8 +350,14 @@ pub struct Brightness {
     pub labels: Option<Vec<Label>>,
     /// Camera of each sample, of an instrument that has several.
     pub cameras: Option<Vec<String>>,
+    /// Whether the target was in the Earth's shadow or penumbra, where the file says it.
+    pub eclipsed: Option<Vec<bool>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
+    /// Whether the file's format is one of bodies far beyond the Moon.
+    pub is_far: bool,
+    /// Samples that were left out, and why, in words.
+    pub notes: Vec<String>,
     /// Place of each sample in its file, from 0: samples are in the order of time.
     pub file_rows: Vec<usize>,
 }
@@ -300,6 +402,8 @@ impl Brightness {
             exposure_s: read.exposure_s,
             labels,
             cameras: read.camera,
+            eclipsed: read.eclipsed,
+            is_flux: read.is_relative,
             ..Rows::default()
         };
         let mut curve = Self::of_rows(path, rows, options)?;
@@ -312,7 +416,17 @@ impl Brightness {
         rows: Rows,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        let rows = rows.sorted();
+        let mut rows = rows.sorted();
+        let doubled = rows.doubled();
+        let mut notes = Vec::new();
+        let n_doubled = doubled.iter().filter(|d| **d).count();
+        if n_doubled > 0 {
+            notes.push(format!(
+                "{n_doubled} rows stand there twice (time, light and channel are the same): each counts once"
+            ));
+            rows = rows.kept(&doubled.iter().map(|d| !d).collect::<Vec<_>>());
+        }
+        notes.append(&mut rows.without_words_for_none());
         let n = rows.times.len();
         let missing = |column: &'static str| PublishedError::NeedsColumn {
             path: path.to_path_buf(),
@@ -364,6 +478,7 @@ impl Brightness {
         // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
         let smooth = running_median(&tracks, &flux, n);
         let sigma = (0..n).map(|i| PER_MAG * sigma_mag[i] * smooth[i]).collect();
+        let is_exposure_known = rows.exposure_s.is_some();
         let exposure_s = rows.exposure_s.unwrap_or_else(|| {
             vec![
                 usual_step_s(&rows.times.iter().map(|t| seconds(*t)).collect::<Vec<_>>())
@@ -381,7 +496,11 @@ impl Brightness {
             tracks: noise,
             labels: rows.labels,
             cameras: rows.cameras,
+            eclipsed: rows.eclipsed,
             is_relative: false,
+            is_far: false,
+            is_exposure_known,
+            notes,
             file_rows: rows.file_rows,
         };
         if !(0..n).any(|i| curve.is_used(i)) {
@@ -412,6 +531,10 @@ impl Brightness {
     pub fn light_curve(&self, name: &str) -> LightCurve {
         let kept: Vec<usize> = (0..self.times.len()).filter(|i| self.is_used(*i)).collect();
         let pick = |values: &[f64]| kept.iter().map(|i| values[*i]).collect::<Vec<f64>>();
+        let flag = |i: &usize| match &self.eclipsed {
+            Some(eclipsed) if eclipsed[*i] => Flags::ECLIPSED,
+            _ => Flags::empty(),
+        };
         LightCurve {
             kind: RateKind::Calibrated,
             samples: Samples {
@@ -425,7 +548,7 @@ impl Brightness {
                 name: "V".into(),
                 rate_hz: pick(&self.flux),
                 sigma_hz: pick(&self.sigma),
-                flags: vec![Flags::empty(); kept.len()],
+                flags: kept.iter().map(flag).collect(),
                 model_error_hz: None,
             }],
             provenance: Provenance { target: name.to_owned(), ..Provenance::default() },
@@ -444,6 +567,9 @@ struct Rows {
     exposure_s: Option<Vec<f64>>,
     labels: Option<Vec<Label>>,
     cameras: Option<Vec<String>>,
+    eclipsed: Option<Vec<bool>>,
+    /// Whether the magnitudes are those of fluxes, or differences: any number may be one.
+    is_flux: bool,
     /// Places in the file, once sorted.
     file_rows: Vec<usize>,
 }
@@ -479,24 +605,182 @@ impl Rows {
             exposure_s: pick(self.exposure_s),
             labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
             cameras: self.cameras.map(|c| order.iter().map(|i| c[*i].clone()).collect()),
-            file_rows: order,
+            eclipsed: self.eclipsed.map(|e| order.iter().map(|i| e[*i]).collect()),
+            is_flux: self.is_flux,
+            file_rows: match self.file_rows.is_empty() {
+                true => order,
+                false => order.iter().map(|i| self.file_rows[*i]).collect(),
+            },
         }
+    }
+
+    /// True for rows that are the same as the one before: time, magnitude, range, phase angle, session, filter and camera. Rows are sorted.
+    fn doubled(&self) -> Vec<bool> {
+        let same_number = |c: &Option<Vec<f64>>, i: usize| {
+            c.as_ref().is_none_or(|c| c[i].to_bits() == c[i - 1].to_bits())
+        };
+        let is_same = |i: usize| {
+            self.times[i] == self.times[i - 1]
+                && self.magnitudes[i].to_bits() == self.magnitudes[i - 1].to_bits()
+                && same_number(&self.range_km, i)
+                && same_number(&self.phase_deg, i)
+                && self.labels.as_ref().is_none_or(|l| l[i] == l[i - 1])
+                && self.cameras.as_ref().is_none_or(|c| c[i] == c[i - 1])
+        };
+        (0..self.times.len()).map(|i| i > 0 && is_same(i)).collect()
+    }
+
+    /// The rows for which `keep` is true.
+    fn kept(self, keep: &[bool]) -> Self {
+        if keep.iter().all(|k| *k) {
+            return self;
+        }
+        let order: Vec<usize> = (0..self.times.len()).filter(|i| keep[*i]).collect();
+        fn pick<T: Clone>(order: &[usize], from: Option<Vec<T>>) -> Option<Vec<T>> {
+            from.map(|v| order.iter().map(|i| v[*i].clone()).collect())
+        }
+        Self {
+            times: order.iter().map(|i| self.times[*i]).collect(),
+            magnitudes: order.iter().map(|i| self.magnitudes[*i]).collect(),
+            range_km: pick(&order, self.range_km),
+            phase_deg: pick(&order, self.phase_deg),
+            sigma: pick(&order, self.sigma),
+            exposure_s: pick(&order, self.exposure_s),
+            labels: pick(&order, self.labels),
+            cameras: pick(&order, self.cameras),
+            eclipsed: pick(&order, self.eclipsed),
+            is_flux: self.is_flux,
+            file_rows: match self.file_rows.is_empty() {
+                true => order,
+                false => order.iter().map(|i| self.file_rows[*i]).collect(),
+            },
+        }
+    }
+
+    /// Makes no number of what stands for a missing magnitude, and of magnitudes whose range is none; says what was found.
+    fn without_words_for_none(&mut self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if !self.is_flux {
+            let is_word = |m: f64| WORDS_FOR_NONE.iter().any(|w| (m - w).abs() < 1e-9);
+            let far = |m: f64| m.abs() > MOST_MAG;
+            let lone: Vec<f64> = WORDS_FOR_NONE
+                .into_iter()
+                .filter(|w| {
+                    let own = || self.magnitudes.iter().filter(|m| m.is_finite() && !far(**m));
+                    let mut true_ones = own().filter(|m| !is_word(**m)).peekable();
+                    true_ones.peek().is_some() && true_ones.all(|m| (m - w).abs() > LONE_MAG)
+                })
+                .collect();
+            let mut lost = 0;
+            for m in &mut self.magnitudes {
+                if far(*m) || lone.iter().any(|w| (*m - w).abs() < 1e-9) {
+                    *m = f64::NAN;
+                    lost += 1;
+                }
+            }
+            if lost > 0 {
+                notes.push(format!(
+                    "{lost} magnitudes are words for a missing one (beyond ±90, or -9.99 or 0 far from all others): left out"
+                ));
+            }
+        }
+        if let Some(range) = &self.range_km {
+            let none = range.iter().filter(|r| **r <= 0.0).count();
+            if none == range.len() && none > 0 {
+                notes.push("all ranges are 0: they are not used".into());
+                self.range_km = None;
+            } else if none > 0 {
+                notes.push(format!("{none} samples have a range of 0 or less: left out"));
+                let lost = self.magnitudes.iter_mut().zip(range).filter(|(_, r)| **r <= 0.0);
+                lost.for_each(|(m, _)| *m = f64::NAN);
+            }
+        }
+        if let Some(eclipsed) = &self.eclipsed {
+            let n = eclipsed.iter().filter(|e| **e).count();
+            if n > 0 {
+                notes.push(format!(
+                    "{n} samples are in the Earth's shadow or penumbra: flagged as eclipsed"
+                ));
+            }
+        }
+        notes
+    }
+}
+
+/// Texts of a column, whatever kind it is of.
+fn texts(table: &Table, name: &str) -> Option<Vec<String>> {
+    Some(match &table.column(name).ok()?.values {
+        Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
+        Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
+        Values::I64(numbers) => {
+            numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+        }
+        _ => return None,
+    })
+}
+
+/// Whether the quality of each row is 0, where a table of a space mission (Kepler, TESS: it has BJDREFI) has a column of it.
+fn quality(table: &Table) -> Option<Vec<bool>> {
+    table.meta.get("BJDREFI")?;
+    let column = table
+        .columns
+        .iter()
+        .find(|c| ["QUALITY", "SAP_QUALITY"].iter().any(|n| c.name.eq_ignore_ascii_case(n)))?;
+    match &column.values {
+        Values::I64(all) => Some(all.iter().map(|q| q.is_none_or(|q| q == 0)).collect()),
+        Values::F64(all) => Some(all.iter().map(|q| q.is_nan() || *q == 0.0).collect()),
+        _ => None,
+    }
+}
+
+/// Which rows are of the object that is asked for; `None` where all are of one and none is asked for.
+fn of_object(
+    path: &Path,
+    table: &Table,
+    options: &MagnitudeOptions,
+) -> Result<Option<Vec<bool>>, PublishedError> {
+    let names = || table.columns.iter().map(|c| c.name.as_str());
+    let column = OBJECTS.iter().find_map(|wanted| names().find(|n| n.eq_ignore_ascii_case(wanted)));
+    let all = column.and_then(|column| Some((column, texts(table, column)?)));
+    let mut counts = std::collections::BTreeMap::<&str, usize>::new();
+    if let Some((_, all)) = &all {
+        for name in all {
+            *counts.entry(name.trim()).or_default() += 1;
+        }
+    }
+    let objects = || counts.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect::<Vec<_>>();
+    match (&options.rows, &all) {
+        (ObjectRows::Of(wanted), Some((_, all))) if counts.contains_key(wanted.trim()) => {
+            Ok(Some(all.iter().map(|name| name.trim() == wanted.trim()).collect()))
+        }
+        (ObjectRows::Of(wanted), _) => {
+            let found = match counts.is_empty() {
+                true => "no column of objects".to_owned(),
+                false => listed(&objects()),
+            };
+            Err(PublishedError::NoObject {
+                path: path.to_path_buf(),
+                wanted: wanted.clone(),
+                found,
+            })
+        }
+        (ObjectRows::One, Some((column, _))) if counts.len() > 1 => Err(PublishedError::Objects {
+            path: path.to_path_buf(),
+            column: (*column).to_owned(),
+            objects: objects(),
+        }),
+        _ => Ok(None),
     }
 }
 
 /// Session and filter of each row, where a table has a column of either.
 fn labels(table: &Table) -> Option<Vec<Label>> {
-    let texts = |name: &str| -> Option<Vec<String>> {
-        Some(match &table.column(name).ok()?.values {
-            Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
-            Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
-            Values::I64(numbers) => {
-                numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
-            }
-            _ => return None,
-        })
+    let any = |names: &[&str]| {
+        let all = || table.columns.iter().map(|c| c.name.as_str());
+        let found = names.iter().find_map(|w| all().find(|n| n.eq_ignore_ascii_case(w)));
+        texts(table, found?)
     };
-    let (session, filter) = (texts("session"), texts("filter"));
+    let (session, filter) = (any(&["session"]), any(&["filter", "band"]));
     if session.is_none() && filter.is_none() {
         return None;
     }
@@ -514,7 +798,7 @@ fn seconds(epoch: Epoch) -> f64 {
     tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
-/// Samples by track: of one session and filter where the file says them, else without a gap. Times are in order.
+/// Samples by track: of one session and filter where the file says them, else of one filter without a gap. Times are in order.
 fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
     if let Some(labels) = labels.filter(|l| l.iter().any(|l| !l.session.is_empty())) {
         let mut by_label: std::collections::BTreeMap<&Label, Vec<usize>> = Default::default();
@@ -524,12 +808,18 @@ fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
         return by_label.into_values().collect();
     }
     let mut tracks: Vec<Vec<usize>> = Vec::new();
+    // The steps from filter to filter are no noise: each has a track of its own.
+    let mut open = std::collections::BTreeMap::<&str, usize>::new();
     for i in 0..times.len() {
-        match tracks.last_mut() {
+        let filter = labels.map_or("", |l| l[i].filter.as_str());
+        match open.get(filter).and_then(|k| tracks.get_mut(*k)) {
             Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= GAP_S => {
                 track.push(i);
             }
-            _ => tracks.push(vec![i]),
+            _ => {
+                open.insert(filter, tracks.len());
+                tracks.push(vec![i]);
+            }
         }
     }
     tracks

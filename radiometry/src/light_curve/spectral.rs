@@ -2,12 +2,17 @@
 
 use super::samples::Reader;
 use super::{Flags, Provenance, Samples};
+use hifitime::Epoch;
 use ndarray::{Array2, Ix2};
 use serde_json::Value;
+use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 use sunglint_formats::error::EncodeError;
-use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer, ascii_json};
+use sunglint_formats::fits::{
+    Filling, FillingError, Fits, Header, Image, Kind, Layout, Pixels, ascii_json,
+};
 use sunglint_formats::flag_bits::{Numbering, bit_names};
+use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, ParseError, Table, Values};
 
 /// Quantity that a spectral light curve of a simulation gives.
@@ -70,13 +75,29 @@ impl SpectralLightCurve {
     /// # Errors
     /// Anything that could not be read back: edges that do not increase, arrays that do not match, numbers that are none and not flagged.
     pub fn to_fits(&self) -> Result<Vec<u8>, EncodeError> {
+        let written = SpectralFile::begin(self, &self.samples.time, Cursor::new(Vec::new()))
+            .and_then(|mut file| {
+                file.push(self)?;
+                file.finish()
+            });
+        match written {
+            Ok(file) => Ok(file.into_inner()),
+            Err(FillingError::Encode(error)) => Err(error),
+            Err(error) => Err(EncodeError::new("file", error.to_string(), "room in memory")),
+        }
+    }
+
+    fn checked(&self) -> Result<(), EncodeError> {
         self.check(Path::new("spectral light curve")).map_err(|e| {
             EncodeError::new(
                 e.field.clone().unwrap_or_default(),
                 e.found.clone(),
                 e.expected.clone(),
             )
-        })?;
+        })
+    }
+
+    fn image(&self) -> Image {
         let mut header = Header::default();
         header.set("BUNIT", self.unit.as_str(), "unit of the values");
         header.set("QUANTITY", self.quantity.as_str(), "what the values are");
@@ -86,25 +107,31 @@ impl SpectralLightCurve {
             "where they come from",
         );
         header.set("FLAGBITS", ascii_json(&bit_names::<Flags>()).as_str(), "bits of SAMPLES.flags");
-        let mut writer = Writer::new();
-        writer.image(&Image { header, pixels: Pixels::F64(self.values.clone().into_dyn()) })?;
-        if let Some(errors) = &self.model_errors {
-            let mut header = Header::default();
-            header.set("EXTNAME", "MODEL_ERROR", "");
-            header.set("BUNIT", self.unit.as_str(), "unit of the values");
-            writer.image(&Image { header, pixels: Pixels::F32(errors.clone().into_dyn()) })?;
-        }
+        Image { header, pixels: Pixels::F64(self.values.clone().into_dyn()) }
+    }
+
+    fn error_image(&self) -> Option<Image> {
+        let errors = self.model_errors.as_ref()?;
+        let mut header = Header::default();
+        header.set("EXTNAME", "MODEL_ERROR", "");
+        header.set("BUNIT", self.unit.as_str(), "unit of the values");
+        Some(Image { header, pixels: Pixels::F32(errors.clone().into_dyn()) })
+    }
+
+    fn bins_table(&self) -> Table {
         let edges = |from: usize| {
             self.edges_nm.iter().skip(from).take(self.values.ncols()).copied().collect()
         };
         let bins = [("lower_nm", 0), ("upper_nm", 1)]
             .map(|(name, from)| Column::f64(name, Some("nm"), edges(from)));
-        writer.table(&Table { columns: bins.to_vec(), ..Table::default() }, "BINS")?;
+        Table { columns: bins.to_vec(), ..Table::default() }
+    }
+
+    fn samples_table(&self) -> Table {
         let (mut columns, last) = self.samples.columns();
         columns.push(Flags::column("flags", &self.flags));
         columns.extend(last);
-        writer.table(&Table { columns, ..Table::default() }, "SAMPLES")?;
-        Ok(writer.into_bytes())
+        Table { columns, ..Table::default() }
     }
 
     /// A curve from the bytes of a FITS file; `path` names it in errors.
@@ -228,6 +255,58 @@ impl SpectralLightCurve {
             }
         }
         Ok(())
+    }
+}
+
+/// FITS file of a spectral light curve that is written piece by piece: the same bytes as [`SpectralLightCurve::to_fits`] has for all of it.
+#[derive(Debug)]
+pub struct SpectralFile<W> {
+    filling: Filling<W>,
+    has_errors: bool,
+}
+
+impl<W: Write + Seek> SpectralFile<W> {
+    /// Begins the file of a curve with these times, of which `like` is a piece: all others have the same bins, unit and provenance.
+    ///
+    /// # Errors
+    /// A piece that could not be read back; the system's refusal.
+    pub fn begin(like: &SpectralLightCurve, times: &[Epoch], out: W) -> Result<Self, FillingError> {
+        like.checked()?;
+        let mut layout = Layout::default();
+        layout.image(&like.image(), times.len())?;
+        let errors = like.error_image();
+        if let Some(errors) = &errors {
+            layout.image(errors, times.len())?;
+        }
+        let bins = like.bins_table();
+        layout.table(&bins, "BINS", bins.rows(), 0)?;
+        let width = times.iter().map(|t| format_utc_shortest(*t).len()).max().unwrap_or(0);
+        layout.table(&like.samples_table(), "SAMPLES", times.len(), width)?;
+        let mut filling = layout.begin(out)?;
+        let has_errors = errors.is_some();
+        filling.table(1 + usize::from(has_errors), &bins)?;
+        Ok(Self { filling, has_errors })
+    }
+
+    /// Adds the next piece.
+    ///
+    /// # Errors
+    /// The errors of [`SpectralFile::begin`]; a piece of other bins.
+    pub fn push(&mut self, piece: &SpectralLightCurve) -> Result<(), FillingError> {
+        piece.checked()?;
+        self.filling.pixels(0, &piece.image().pixels)?;
+        if let (Some(errors), true) = (piece.error_image(), self.has_errors) {
+            self.filling.pixels(1, &errors.pixels)?;
+        }
+        self.filling.table(2 + usize::from(self.has_errors), &piece.samples_table())
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// Samples that are missing; the system's refusal.
+    pub fn finish(self) -> Result<W, FillingError> {
+        self.filling.finish()
     }
 }
 

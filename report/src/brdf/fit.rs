@@ -16,7 +16,8 @@ pub fn product(
     rise: Option<&Rise>,
     inputs: &[Input],
 ) -> Product {
-    let warnings: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+    let notes = found.notes.iter().map(ToString::to_string);
+    let warnings: Vec<String> = notes.chain(found.flaws.iter().map(ToString::to_string)).collect();
     let mut table = to_table(found);
     table.meta.insert("inputs".into(), json!(inputs));
     Product {
@@ -96,7 +97,7 @@ fn summary(fit: &Fit, warnings: &[String], inputs: &Value) -> Value {
             "law": law.law.name(), "parameters": parameters, "rms_ln": rounded(law.rms), "width_ln": rounded(law.width),
             "correlation": rounded(law.correlation), "aicc": rounded(law.aicc), "bic": rounded(law.bic), "weight": rounded(law.weight),
             "largest_albedo": { "albedo": rounded(most), "theta_i_deg": theta_i_deg }, "energy_held": law.energy_held,
-            "energy_to_deg": law.energy_to_deg, "converged": law.converged, "above_zeros": law.above_zeros.map(rounded),
+            "faithful": law.is_faithful, "energy_to_deg": law.energy_to_deg, "converged": law.converged, "above_zeros": law.above_zeros.map(rounded),
         })
     };
     json!({
@@ -104,6 +105,7 @@ fn summary(fit: &Fit, warnings: &[String], inputs: &Value) -> Value {
         "values": fit.used.len(),
         "independent_values": rounded(fit.independent),
         "left_out": fit.left_out,
+        "flaws": fit.flaws,
         "laws": fit.laws.iter().map(law).collect::<Vec<_>>(),
         "warnings": warnings,
         "inputs": inputs,

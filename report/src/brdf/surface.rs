@@ -5,6 +5,7 @@ use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values};
+use sunglint_materials::fit::LeftOut;
 use sunglint_materials::fit::surface::colour::Coloured;
 use sunglint_materials::fit::surface::{Number, SurfaceFit};
 use sunglint_materials::samples::{Samples, direction, turned};
@@ -35,6 +36,7 @@ pub fn product(
     table.meta.insert("kind".into(), json!("brdf_fit"));
     table.meta.insert("wavelength_nm".into(), json!(found.wavelength_nm));
     table.meta.insert("best".into(), json!(found.name));
+    table.meta.insert("left_out".into(), json!(found.left_out));
     table.meta.insert("inputs".into(), json!(inputs));
     Ok(Product {
         name: "fit".into(),
@@ -102,6 +104,9 @@ fn incidences(fit: &SurfaceFit) -> Table {
         Column::f64("theta_i_deg", Some("deg"), of(&|i| i.theta_i_deg)),
         Column::f64("rms_ln", None, of(&|i| i.rms_ln)),
         Column::f64("hemispherical_table", None, of(&|i| i.hemispherical_table)),
+        Column::f64("hemispherical_ln_doubt", None, of(&|i| i.hemispherical_ln_doubt)),
+        Column::f64("tis", None, of(&|i| i.tis.unwrap_or(f64::NAN)))
+            .described("hemispherical reflectance that the file itself states"),
         Column::f64("hemispherical_ratio", None, of(&|i| i.hemispherical_ratio)),
         Column::f64(
             "peak_per_sr",
@@ -171,6 +176,9 @@ pub fn text(fit: &SurfaceFit, toml: &str) -> String {
         "{} through {} values at {} nm, seen through {}° (detector) and {}° (source)",
         fit.name, fit.values, fit.wavelength_nm, fit.cone.detector_deg, fit.cone.source_deg
     );
+    if fit.left_out != LeftOut::default() {
+        let _ = writeln!(text, "{}", fit.left_out);
+    }
     let _ = writeln!(
         text,
         "residuals of ln f (rms): {:.3}; peak {}, wings {}, grazing {}",
@@ -204,15 +212,13 @@ pub fn text(fit: &SurfaceFit, toml: &str) -> String {
             let outer = if u.extrapolated { ", extrapolated" } else { "" };
             format!("{:.3}, {:.0} %{outer}", u.rms_ln, 100.0 * u.inside)
         });
+        let known = |v: f64, text: String| if v.is_nan() { "-".to_owned() } else { text };
+        let hemispherical = known(i.hemispherical_table, format!("{:.4}", i.hemispherical_table));
+        let of_law = known(i.hemispherical_ratio, format!("{:.2}", i.hemispherical_ratio));
         let _ = writeln!(
             text,
-            "{:>8}° {:>7} {:>7.3} {:>14.4} {:>8.2} {peak:>12} {ratio:>6} {:>9.4}  {unseen}",
-            i.theta_i_deg,
-            i.values,
-            i.rms_ln,
-            i.hemispherical_table,
-            i.hemispherical_ratio,
-            i.albedo
+            "{:>8}° {:>7} {:>7.3} {hemispherical:>14} {of_law:>8} {peak:>12} {ratio:>6} {:>9.4}  {unseen}",
+            i.theta_i_deg, i.values, i.rms_ln, i.albedo
         );
     }
     let _ = writeln!(

@@ -64,6 +64,9 @@ fn headline(found: &FoundPeriod) -> String {
                 best.period_s
             )
         }
+        (Outcome::Two(one, other), _) => {
+            format!("{title}: two periods, {:.5} s and {:.5} s", one.period_s, other.period_s)
+        }
         _ => format!("{title}: not enough data for a period"),
     }
 }
@@ -81,6 +84,9 @@ fn marks(found: &FoundPeriod) -> Vec<Span> {
             .iter()
             .map(|m| span(m.estimate.period_s, "family", RGBColor(250, 220, 170)))
             .collect(),
+        Outcome::Two(one, other) => {
+            [one, other].map(|e| span(e.period_s, "two", RGBColor(250, 220, 170))).to_vec()
+        }
         _ => Vec::new(),
     }
 }

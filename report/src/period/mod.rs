@@ -9,7 +9,9 @@ use crate::{Product, inputs, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::longitude_latitude;
-use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
+use sunglint_analysis::period::verdict::{
+    Along, Estimate, Member, Membership, Outcome, Question, Verdict,
+};
 use sunglint_analysis::period::{FlashTrain, FoundPeriod};
 use sunglint_formats::{Column, Table};
 
@@ -57,12 +59,23 @@ pub fn text(found: &FoundPeriod) -> String {
                 );
             }
         }
+        Outcome::Two(first, second) => {
+            let _ = writeln!(
+                text,
+                "verdict   two periods at once: {} and {} (a body that tumbles, or the light of two)",
+                with_sigma(first),
+                with_sigma(second)
+            );
+        }
         Outcome::NotEnough(reason) => {
             let _ = writeln!(text, "verdict   not enough data: {reason}");
         }
         _ => {}
     }
-    if let Some(best) = &v.best {
+    if let Some(words) = folding(v) {
+        let _ = writeln!(text, "sampling  {words}");
+    }
+    if let Some(best) = v.best.as_ref().filter(|_| !matches!(v.outcome, Outcome::Two(..))) {
         let span = found.series.iter().map(|s| s.span_s()).fold(0.0, f64::max);
         let by = match found.flashes.as_ref().filter(|f| f.decides) {
             Some(f) => format!("by {} phases at which it flashes", f.phases.len()),
@@ -113,6 +126,15 @@ pub fn text(found: &FoundPeriod) -> String {
         v.independent_channels / found.along.as_ref().map_or(1.0, |a| a.stretches as f64),
         percent(v.independent_samples)
     );
+    if let Some(tracks) = &found.tracks {
+        let (from, to) = tracks.from_to_s();
+        let (n, alike) = (tracks.periods.len(), if tracks.differ() { "differ" } else { "agree" });
+        let _ = writeln!(
+            text,
+            "tracks    {n} with a period of their own, from {from:.5} s to {to:.5} s: they {alike} (chance {:.1e})",
+            tracks.chance
+        );
+    }
     let removed = if found.curves.removed.is_empty() {
         "nothing".to_owned()
     } else {
@@ -210,7 +232,16 @@ fn why(found: &FoundPeriod, member: &Member) -> String {
     let best = found.verdict.best.map_or(f64::NAN, |b| b.period_s);
     let period = member.estimate.period_s;
     match member.membership {
+        Membership::Best if has_shorter(found) => "fits best".into(),
         Membership::Best => "the smallest that fits".into(),
+        Membership::Folded(n) => {
+            let folding = found.verdict.folding;
+            let (step, exposure) = folding.map_or((f64::NAN, None), |f| (f.step_s, f.exposure_s));
+            format!(
+                "samples every {step:.4} s show it as the best ({n} turns more or less from sample to sample), and exposures of {:.4} s do not rule it out: uneven or shorter steps would",
+                exposure.unwrap_or(0.0)
+            )
+        }
         // Four times the best stand against twice.
         Membership::Multiple(n) => match question(period, if n == 4 { 2.0 * best } else { best }) {
             Some(Question { chance: None, .. }) => {
@@ -236,6 +267,32 @@ fn why(found: &FoundPeriod, member: &Member) -> String {
     }
 }
 
+/// Whether a family has a period below its best one.
+fn has_shorter(found: &FoundPeriod) -> bool {
+    let Outcome::Family(members) = &found.verdict.outcome else { return false };
+    let best = found.verdict.best.map_or(0.0, |b| b.period_s);
+    members.iter().any(|m| m.estimate.period_s < 0.99 * best)
+}
+
+/// What even sampling leaves open beside the members, or what is presumed of the exposures.
+fn folding(v: &Verdict) -> Option<String> {
+    if !matches!(v.outcome, Outcome::One(_) | Outcome::Family(_)) {
+        return None;
+    }
+    let f = v.folding?;
+    match f.exposure_s {
+        None => Some(format!(
+            "every {:.5} s, of exposures that are not known: they are presumed to fill that time, so that nothing faster is possible",
+            f.step_s
+        )),
+        Some(exposure) if f.unnamed > 0 => Some(format!(
+            "every {:.5} s with exposures of {exposure:.5} s: {} more periods down to {:.5} s are possible by it",
+            f.step_s, f.unnamed, f.shortest_s
+        )),
+        Some(_) => None,
+    }
+}
+
 /// Summary with its documented keys.
 pub fn json(found: &FoundPeriod) -> Value {
     let v = &found.verdict;
@@ -244,10 +301,15 @@ pub fn json(found: &FoundPeriod) -> Value {
     let outcome = match &v.outcome {
         Outcome::One(_) => json!("one"),
         Outcome::Family(_) => json!("family"),
+        Outcome::Two(..) => json!("two"),
         _ => json!("not_enough"),
     };
     let members: Vec<Value> = match &v.outcome {
             Outcome::One(e) => vec![json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s), "turns": null, "why": "the only one" })],
+            Outcome::Two(first, second) => [first, second]
+                .iter()
+                .map(|e| json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s), "turns": null, "why": "one of two periods at once" }))
+                .collect(),
             Outcome::Family(members) => members
                 .iter()
                 .map(|m| json!({ "period_s": rounded(m.estimate.period_s), "sigma_s": finite(m.estimate.sigma_s), "turns": rounded(m.turns), "why": why(found, m) }))
@@ -279,6 +341,13 @@ pub fn json(found: &FoundPeriod) -> Value {
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
         })),
+        "folding": v.folding.map(|f| json!({
+            "step_s": rounded(f.step_s), "exposure_s": f.exposure_s.map(rounded), "presumes_full_exposures": f.exposure_s.is_none(), "unnamed": f.unnamed, "shortest_s": finite(f.shortest_s),
+        })),
+        "tracks": found.tracks.as_ref().map(|t| json!({
+            "chance": t.chance,
+            "periods": t.periods.iter().map(|p| json!({ "name": p.name, "middle_s": rounded(p.middle_s), "period_s": rounded(p.estimate.period_s), "sigma_s": finite(p.estimate.sigma_s) })).collect::<Vec<_>>(),
+        })),
         "flashes": found.flashes.as_ref().map(|f| json!({
             "flashes": f.flashes, "lit": rounded(f.lit), "held": rounded(f.held), "width_s": rounded(f.width_s), "decides": f.decides,
             "best": f.best.as_ref().map(estimate), "chance": f.chance,
@@ -286,7 +355,7 @@ pub fn json(found: &FoundPeriod) -> Value {
             "phases": f.phases.iter().map(|p| json!({ "phase": rounded(p.phase), "seen": p.seen, "flashed": p.flashed, "strength": rounded(p.strength) })).collect::<Vec<_>>(),
         })),
         "channels": found.series.iter().map(|s| json!({
-            "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,
+            "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time, "alone": s.left_out.alone,
         })).collect::<Vec<_>>(),
         "removed": found.curves.removed,
         "warnings": found.warnings,

@@ -209,7 +209,8 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
 
 fn camera_text(camera: &CameraNight) -> String {
     let tally = &camera.tally;
-    let Used { darks: [darks, other_darks], bias, flats, .. } = camera.sensor;
+    let Used { darks: [darks, other_darks], bias, flats: [flats, other_flats], refused, .. } =
+        camera.sensor;
     let sensor = match (darks, bias) {
         (0, 0) if !camera.from_library.is_empty() => {
             format!("{} bad pixels, no calibration frames of its own", camera.bad_pixels)
@@ -238,6 +239,16 @@ fn camera_text(camera: &CameraNight) -> String {
         0 => sensor,
         n => format!(
             "{sensor}; {n} dark frames left out: other exposure, gain, temperature or window"
+        ),
+    };
+    let sensor = match other_flats {
+        0 => sensor,
+        n => format!("{sensor}; {n} flats left out: other gain, filter or window"),
+    };
+    let sensor = match refused {
+        0 => sensor,
+        n => format!(
+            "{sensor}; {n} frames of calibration visits left out: of another kind by their headers, or flats off their level"
         ),
     };
     let rules = [
@@ -350,7 +361,11 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "dark_frames": camera.sensor.darks[0],
             "other_dark_frames": camera.sensor.darks[1],
             "bias_frames": camera.sensor.bias,
-            "flats": camera.sensor.flats,
+            "flats": camera.sensor.flats[0],
+            "other_flats": camera.sensor.flats[1],
+            "refused_calibration_frames": camera.sensor.refused,
+            "without_light": camera.without_light,
+            "shared": camera.shared,
             "bad_pixels": camera.bad_pixels,
         })
     });

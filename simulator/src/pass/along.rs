@@ -21,8 +21,10 @@ use sunglint_formats::time::tai_nanoseconds;
 
 /// Fewer epochs are computed one by one.
 const LEAST_EPOCHS: usize = 16;
-/// Epochs between two of the first nodes at most.
+/// Epochs between two of the first nodes at most, in passes of so many times [`FIRST`] epochs and fewer.
 const FARTHEST: usize = 32;
+/// Longer passes begin with about so many nodes where the body's turning asks for no more: a node has some kB, and epochs that are denser need no more of them.
+const FIRST: usize = 2048;
 /// Between two of the first nodes the Sun and the observer turn by no more than this in the body's axes.
 const TURN_RAD: f64 = 0.2;
 /// The same where light between surfaces has lobes, or the Moon shines: a share of the narrowest lobe's α. Half of that, with the middle, is in a half vector a quarter of α.
@@ -243,10 +245,11 @@ impl Course<'_> {
     fn first(&self, turn_rad: f64) -> Vec<usize> {
         let last = self.order.len() - 1;
         let (mut all, mut before) = (vec![0, last], 0);
+        let farthest = FARTHEST.max(self.order.len() / FIRST);
         for k in 1..=last {
             let [a, b] = [before, k].map(|k| self.at(k));
             let turned = |a: DVec3, b: DVec3| a.angle_between(b) > turn_rad;
-            if k - before > FARTHEST
+            if k - before > farthest
                 || turned(a.sun_body, b.sun_body)
                 || turned(a.observer_body, b.observer_body)
             {

@@ -1,6 +1,6 @@
 //! Warnings to read before believing the numbers of a simulated pass.
 
-use super::{Pass, Place, Simulation};
+use super::{Pass, Simulation, Totals};
 use crate::attitude::Attitude;
 use crate::light;
 use crate::target::Shape;
@@ -8,53 +8,56 @@ use crate::target::Shape;
 impl Simulation<'_> {
     /// Returns the warnings to read before believing the numbers.
     pub fn concerns(&self) -> Vec<String> {
-        let (pass, simulation) = (self.pass, self);
-        let mut concerns = simulation.scene.warnings.clone();
-        concerns.extend(light::concerns(&simulation.needs));
+        self.totals().concerns()
+    }
+}
+
+impl Totals<'_> {
+    /// Returns the warnings to read before believing the numbers.
+    pub fn concerns(&self) -> Vec<String> {
+        let pass = self.pass;
+        let mut concerns = self.scene.warnings.clone();
+        concerns.extend(light::concerns(&self.needs));
         let round = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
         let turned =
             !pass.target.parts.iter().all(|p| round(&p.shape)) || !pass.target.hinges.is_empty();
         if turned && !pass.attitude_given && matches!(pass.attitude, Attitude::Inertial(_)) {
             concerns.push("no [attitude] is given: the body stands still among the stars, its axes along those of the GCRS".into());
         }
-        let places = &simulation.places;
-        let orientation = places.iter().map(|p| p.orientation).find(|o| o.is_outside());
-        concerns.extend(orientation.map(|o| format!("{o} ([earth_orientation] file = \"FILE\")")));
-        if places.iter().all(|p| p.hidden) {
-            let height = |p: &&Place| p.geometry.horizontal.altitude_deg();
-            if let Some(best) = places.iter().max_by(|a, b| height(a).total_cmp(&height(b))) {
-                concerns.push(format!(
+        let outside = self.outside.as_ref();
+        concerns.extend(outside.map(|o| format!("{o} ([earth_orientation] file = \"FILE\")")));
+        if let (0, Some(best)) = (self.visible, self.highest) {
+            concerns.push(format!(
                 "{} is never above the horizon of {} in these times: at its highest, {}, it stands at {:+.2}° (the horizon there is at {:.1}°); take other times or another station",
-                pass.object(),
+                self.object,
                 pass.station.name,
-                sunglint_formats::time::format_utc(best.geometry.epoch, 1),
-                height(&best),
-                pass.station.horizon.elevation_deg(best.geometry.horizontal.azimuth_deg()),
+                sunglint_formats::time::format_utc(best.epoch, 1),
+                best.altitude_deg,
+                pass.station.horizon.elevation_deg(best.azimuth_deg),
             ));
-            }
         }
-        if places.iter().all(|p| p.sunlit == 0.0) {
+        if !self.any_sun {
             concerns.push(format!(
             "{} is in the Earth's shadow all the time: the Sun stands behind the Earth, and every rate is 0 (flag eclipsed)",
-            pass.object()
+            self.object
         ));
         }
-        let day = places.iter().filter(|p| !p.hidden && p.sun_altitude_deg > -6.0).count();
+        let day = self.day;
         if day > 0 {
             concerns.push(format!(
             "in {day} of the visible samples the Sun is above -6° at {}: the sky is bright, and its light is not in the rates",
             pass.station.name
         ));
         }
-        for channel in &simulation.channels {
-            let saturated = channel.predicted.iter().filter(|p| p.saturated).count();
+        for channel in &self.channels {
+            let saturated = channel.saturated;
             if saturated > 0 {
                 concerns.push(format!(
                     "{}: {saturated} samples past saturation: attenuate",
                     channel.name
                 ));
             }
-            let uncovered = channel.uncovered_nm.iter().copied().fold(0.0, f64::max);
+            let uncovered = channel.uncovered_nm;
             if uncovered > 0.0 {
                 concerns.push(format!(
                 "{}: for {uncovered:.0} nm of it sunlight, a material or the air is not tabulated (flag extrapolated)",

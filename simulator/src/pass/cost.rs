@@ -20,8 +20,15 @@ pub struct Cost {
 /// Measures what each stage of a simulation costs.
 #[derive(Debug)]
 pub struct Stopwatch {
-    stages: Mutex<Vec<(Stage, Instant)>>,
+    stages: Mutex<Stages>,
     epochs: usize,
+}
+
+#[derive(Debug, Default)]
+struct Stages {
+    /// Stages that have ended, with the seconds of all their parts.
+    ended: Vec<(Stage, f64)>,
+    now: Option<(Stage, Instant)>,
 }
 
 impl Stopwatch {
@@ -34,18 +41,26 @@ impl Stopwatch {
     pub fn tell(&self, progress: Progress) {
         // A lock that a panicking thread left holds nothing that could be wrong.
         let mut stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
-        if stages.last().is_none_or(|(stage, _)| *stage != progress.stage) {
-            stages.push((progress.stage, Instant::now()));
+        let now = Instant::now();
+        match stages.now {
+            Some((stage, _)) if stage == progress.stage => return,
+            Some((stage, since)) => {
+                let seconds = now.duration_since(since).as_secs_f64();
+                match stages.ended.iter_mut().find(|(ended, _)| *ended == stage) {
+                    Some((_, sum)) => *sum += seconds,
+                    None => stages.ended.push((stage, seconds)),
+                }
+            }
+            None => {}
         }
+        stages.now = Some((progress.stage, now));
     }
 
-    /// Returns the cost of the stages that have ended.
+    /// Returns the cost of the stages that have ended. What the taker of pieces does with them is no part of it.
     pub fn cost(&self) -> Cost {
         let stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
-        let seconds = |pair: &[(Stage, Instant)]| {
-            (pair[0].0, pair[1].1.duration_since(pair[0].1).as_secs_f64())
-        };
-        let stages: Vec<(Stage, f64)> = stages.windows(2).map(seconds).collect();
+        let own = stages.ended.iter().filter(|(stage, _)| *stage != Stage::Given);
+        let stages: Vec<(Stage, f64)> = own.copied().collect();
         let total_s = stages.iter().map(|(_, s)| s).sum();
         Cost { stages, total_s, epochs: self.epochs, threads: rayon::current_num_threads() }
     }

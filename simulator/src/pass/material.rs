@@ -3,7 +3,7 @@
 use super::{Pass, PassError, Progress, Simulation, StatedError};
 use crate::light::engine::Switches;
 use crate::surface::{Material, MaterialError};
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::RunningMedian;
 
 /// Half-widths of the 95 % intervals that a body's light has by the doubt of one material, all directions off alike.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,8 +37,9 @@ impl MaterialDoubt {
 
     /// Median and largest of the relative half-widths over the samples with light.
     pub fn over_the_pass(&self) -> Option<StatedError> {
-        let all = || self.relative.iter().copied().filter(|r| r.is_finite());
-        Some(StatedError { median: median(all())?, largest: all().reduce(f64::max)? })
+        let mut known = RunningMedian::default();
+        self.relative.iter().filter(|r| r.is_finite()).for_each(|r| known.add(*r));
+        StatedError::of(&known)
     }
 }
 
@@ -53,6 +54,46 @@ fn black(name: &str) -> Result<Material, PassError> {
     Material::black(name).map_err(wrong)
 }
 
+/// Light of a body by one doubted material, the others black.
+pub(super) struct Light {
+    material: String,
+    channels_hz: Vec<Vec<f64>>,
+    v: Vec<f64>,
+}
+
+impl Light {
+    pub fn of(material: &str, made: Simulation<'_>) -> Self {
+        Self {
+            material: material.to_owned(),
+            v: made.magnitudes.column(V).to_vec(),
+            channels_hz: made.channels.into_iter().map(|c| c.rate_hz).collect(),
+        }
+    }
+}
+
+impl Pass {
+    /// The pass by direct sunlight for each material that says how well it is known, with its doubt in place of its light and the others black.
+    pub(super) fn doubted(&self) -> Result<Vec<(String, Pass)>, PassError> {
+        let target = &self.target;
+        let mut passes = Vec::new();
+        for (k, material) in target.materials.iter().enumerate() {
+            let Some(doubted) = material.doubted() else { continue };
+            if !target.parts.iter().any(|p| p.material == k) {
+                continue;
+            }
+            let mut alone: Pass = self.clone();
+            for (other, material) in alone.target.materials.iter_mut().enumerate() {
+                *material = if other == k { doubted.clone() } else { black(&material.name)? };
+            }
+            alone.effects = Switches { solar_disc: self.effects.solar_disc, ..Switches::OFF };
+            // An error of an error.
+            alone.tolerance = alone.tolerance.max(1e-2);
+            passes.push((doubted.name, alone));
+        }
+        Ok(passes)
+    }
+}
+
 impl Simulation<'_> {
     /// How far the light may be off by the doubt of the body's materials ([`Material::ln_doubt`]), from direct sunlight; `None` where no material says how well it is
     /// known. All directions of one material are taken to be off alike, so that it is wide rather than narrow; different materials add in quadrature.
@@ -63,41 +104,32 @@ impl Simulation<'_> {
         &self,
         progress: &(dyn Fn(Progress) + Sync),
     ) -> Result<Option<MaterialDoubt>, PassError> {
-        let target = &self.pass.target;
-        let known: Vec<(usize, Material)> = target
-            .materials
-            .iter()
-            .enumerate()
-            .filter_map(|(k, m)| Some((k, m.doubted()?)))
-            .filter(|(k, _)| target.parts.iter().any(|p| p.material == *k))
-            .collect();
-        if known.is_empty() {
-            return Ok(None);
-        }
+        let passes = self.pass.doubted()?;
+        let light = |(name, alone): &(String, Pass)| {
+            alone.simulate(progress).map(|made| Light::of(name, made))
+        };
+        let made: Vec<Light> = passes.iter().map(light).collect::<Result<_, _>>()?;
+        Ok((!made.is_empty()).then(|| self.doubt_by(made)))
+    }
+
+    /// The doubt, by the light that the body has by each doubted material alone.
+    pub(super) fn doubt_by(&self, alone: Vec<Light>) -> MaterialDoubt {
         let samples = self.places.len();
         let mut each = Vec::new();
-        for (k, doubted) in known {
-            let mut alone: Pass = self.pass.clone();
-            for (other, material) in alone.target.materials.iter_mut().enumerate() {
-                *material = if other == k { doubted.clone() } else { black(&material.name)? };
-            }
-            alone.effects = Switches { solar_disc: self.pass.effects.solar_disc, ..Switches::OFF };
-            // An error of an error.
-            alone.tolerance = alone.tolerance.max(1e-2);
-            let made = alone.simulate(progress)?;
+        for made in alone {
             let share = |row: usize| {
                 if !self.magnitudes[[row, V]].is_finite() {
                     return f64::NAN;
                 }
-                let fainter = made.magnitudes[[row, V]] - self.magnitudes[[row, V]];
+                let fainter = made.v[row] - self.magnitudes[[row, V]];
                 let share = 10_f64.powf(-0.4 * fainter);
                 // Without light of this material there is no magnitude.
                 if share.is_nan() { 0.0 } else { share }
             };
             each.push(OneMaterial {
-                material: doubted.name,
+                material: made.material,
                 v_relative: (0..samples).map(share).collect(),
-                channels_hz: made.channels.into_iter().map(|c| c.rate_hz).collect(),
+                channels_hz: made.channels_hz,
             });
         }
         let root = |of: &dyn Fn(&OneMaterial) -> f64| {
@@ -121,6 +153,6 @@ impl Simulation<'_> {
             self.channels.iter().zip(&channels_hz).filter_map(of).fold(f64::NAN, f64::max)
         });
         let relative = relative.collect();
-        Ok(Some(MaterialDoubt { each, channels_hz, v_relative, relative }))
+        MaterialDoubt { each, channels_hz, v_relative, relative }
     }
 }

@@ -7,7 +7,7 @@
 //!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
 //! - [`Simulation`]: the curves and tables of the result;
 //! - [`Simulation::exposure_means`]: means over exposures in place of their middles, where the light changes while one is taken;
-//! - [`Pass::simulate_in_pieces`]: the same for more epochs than memory holds results of;
+//! - [`Pass::simulate_in_pieces`]: the same for more epochs than memory holds results of; [`Totals`]: what is said of all of them together;
 //! - [`Pass::ready`]: the same for single moments, of any orbit;
 //! - [`Study`]: the same again and again with another attitude or body: for fits.
 //!
@@ -51,6 +51,7 @@ mod result;
 mod shadow;
 mod simulate;
 mod study;
+mod totals;
 
 pub use correction::{Correction, LightFactor, airmass};
 pub use cost::{Cost, Stopwatch};
@@ -61,6 +62,7 @@ pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
 pub use material::{MaterialDoubt, OneMaterial};
 pub use observation::Observation;
+pub use pieces::{Extras, Piece};
 pub use polarisation::Polarisation;
 pub(crate) use promise::light_name;
 pub use promise::{Limit, Promise};
@@ -69,6 +71,7 @@ pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 pub use study::{Averaged, Study, TermRates, Thinned};
 pub use sunglint_radiometry::light_curve::SpectralQuantity;
+pub use totals::{At, ChannelTotals, Ends, Highest, HighestRate, Totals};
 
 use crate::attitude::Attitude;
 use crate::light::EarthAlbedo;

@@ -51,16 +51,20 @@ fn angle_deg(seen: DVec3, sun: DVec3) -> f64 {
     (towards_sun + 90.0).rem_euclid(180.0)
 }
 
-impl Simulation<'_> {
-    /// Linear polarisation of the light: one direct simulation of its polarised part, and one for what bounds the error.
-    ///
-    /// # Errors
-    /// [`PassError`], as of a simulation; a refractive index between whose angles no interpolation holds.
-    pub fn polarisation(
-        &self,
-        progress: &(dyn Fn(Progress) + Sync),
-    ) -> Result<Polarisation, PassError> {
-        let target = &self.pass.target;
+/// Passes by direct sunlight that the polarisation of a pass is found from.
+pub(super) struct Parts {
+    /// The polarised part of the light.
+    pub polarised: Pass,
+    /// All light but that of materials whose polarisation is not known.
+    pub diffuse_and_known: Pass,
+    /// Names of these materials.
+    pub unknown: Vec<String>,
+}
+
+impl Pass {
+    /// The passes that the polarisation is found from.
+    pub(super) fn polarised(&self) -> Result<Parts, PassError> {
+        let target = &self.target;
         let used = |k: usize| target.parts.iter().any(|part| part.material == k);
         let black = |of: &Material| Material::black(&of.name).map_err(|e| material(&e));
         let mut polarised = self.direct();
@@ -80,8 +84,43 @@ impl Simulation<'_> {
                 PolarisedPart::Nothing | PolarisedPart::Unknown => black(of)?,
             };
         }
+        Ok(Parts { polarised, diffuse_and_known, unknown })
+    }
+
+    /// The same pass by direct sunlight alone.
+    fn direct(&self) -> Pass {
+        let mut pass = self.clone();
+        pass.effects = Switches {
+            solar_disc: self.effects.solar_disc,
+            finite_distance: self.effects.finite_distance,
+            ..Switches::OFF
+        };
+        pass
+    }
+}
+
+impl Simulation<'_> {
+    /// Linear polarisation of the light: one direct simulation of its polarised part, and one for what bounds the error.
+    ///
+    /// # Errors
+    /// [`PassError`], as of a simulation; a refractive index between whose angles no interpolation holds.
+    pub fn polarisation(
+        &self,
+        progress: &(dyn Fn(Progress) + Sync),
+    ) -> Result<Polarisation, PassError> {
+        let parts = self.pass.polarised()?;
         let (polarised, known) =
-            (polarised.simulate(progress)?, diffuse_and_known.simulate(progress)?);
+            (parts.polarised.simulate(progress)?, parts.diffuse_and_known.simulate(progress)?);
+        Ok(self.polarised_by(&polarised, &known, parts.unknown.clone()))
+    }
+
+    /// The polarisation, by the polarised part of the light and by the light of the materials whose polarisation is known.
+    pub(super) fn polarised_by(
+        &self,
+        polarised: &Simulation<'_>,
+        known: &Simulation<'_>,
+        unknown: Vec<String>,
+    ) -> Polarisation {
         let samples = self.places.len();
         let (mut channels, mut channels_error) = (Vec::new(), Vec::new());
         for (c, all) in self.channels.iter().enumerate() {
@@ -110,28 +149,17 @@ impl Simulation<'_> {
                 (true, m) => 10_f64.powf(-0.4 * (m - own)),
             }
         };
-        let v: Vec<f64> = (0..samples).map(|row| share(&polarised, row)).collect();
+        let v: Vec<f64> = (0..samples).map(|row| share(polarised, row)).collect();
         // The magnitude's error is by how much fainter the light may be: of the light that is 1 − 10^(−0.4 Δm).
         let stated = |row: usize| 1.0 - 10_f64.powf(-0.4 * self.magnitude_errors[[row, V]]);
         let v_error = (0..samples)
-            .map(|row| bound(v[row], (1.0 - share(&known, row)).abs(), stated(row)))
+            .map(|row| bound(v[row], (1.0 - share(known, row)).abs(), stated(row)))
             .collect();
         let angle = |place: &super::Place| {
             angle_deg(-place.geometry.to_observer, place.geometry.sun.direction_gcrs)
         };
         let angle_deg = self.places.iter().map(angle).collect();
-        Ok(Polarisation { channels, channels_error, v, v_error, angle_deg, unknown })
-    }
-
-    /// The same pass by direct sunlight alone.
-    fn direct(&self) -> Pass {
-        let mut pass = self.pass.clone();
-        pass.effects = Switches {
-            solar_disc: self.pass.effects.solar_disc,
-            finite_distance: self.pass.effects.finite_distance,
-            ..Switches::OFF
-        };
-        pass
+        Polarisation { channels, channels_error, v, v_error, angle_deg, unknown }
     }
 }
 

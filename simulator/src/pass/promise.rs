@@ -1,9 +1,9 @@
 //! The promise of a simulation: what error was asked for, what is stated, and what stands between them.
 
-use super::Simulation;
+use super::{Pass, Simulation};
 use crate::light::{Need, Source, percent};
 use serde::Serialize;
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::RunningMedian;
 
 /// Cause that keeps samples from the requested error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -71,60 +71,75 @@ impl Simulation<'_> {
         (stated > self.pass.tolerance)
             .then(|| self.limits[sample].map_or("what is left out", light_name))
     }
+}
 
-    /// The promise of all samples together.
-    pub fn promise(&self) -> Promise {
-        let stated: Vec<(usize, f64)> = (0..self.places.len())
-            .filter_map(|sample| Some((sample, self.stated_relative(sample)?)))
-            .collect();
-        let mut limited_by: Vec<Limit> = Vec::new();
-        let mut met = 0;
-        for (sample, _) in &stated {
-            let Some(light) = self.over_tolerance(*sample) else {
-                met += 1;
+/// The promise, found sample by sample.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Promises {
+    stated: RunningMedian,
+    samples: usize,
+    met: usize,
+    /// Which light limits, and how many samples: in the order in which they came.
+    limits: Vec<(&'static str, usize)>,
+}
+
+impl Promises {
+    /// Takes the samples of a simulation in.
+    pub fn add(&mut self, simulation: &Simulation<'_>) {
+        for sample in 0..simulation.places.len() {
+            let Some(share) = simulation.stated_relative(sample) else { continue };
+            self.stated.add(share);
+            self.samples += 1;
+            let Some(light) = simulation.over_tolerance(sample) else {
+                self.met += 1;
                 continue;
             };
-            match limited_by.iter_mut().find(|l| l.light == light) {
-                Some(limit) => limit.samples += 1,
-                None => limited_by.push(Limit { light, samples: 1, why: self.why(light) }),
+            match self.limits.iter_mut().find(|l| l.0 == light) {
+                Some(limit) => limit.1 += 1,
+                None => self.limits.push((light, 1)),
             }
-        }
-        limited_by.sort_by_key(|limit| std::cmp::Reverse(limit.samples));
-        let shares: Vec<f64> = stated.iter().map(|(_, share)| *share).collect();
-        Promise {
-            asked: self.pass.tolerance,
-            budget_s: self.pass.budget_s,
-            samples: shares.len(),
-            met,
-            stated_median: median(shares.iter().copied()),
-            stated_largest: shares.iter().copied().reduce(f64::max),
-            limited_by,
         }
     }
 
-    fn why(&self, of: &str) -> String {
-        match of {
-            "light between surfaces" => {
-                let budget_s = self.pass.budget_s;
-                format!(
-                    "more patches and light paths than the budget of {budget_s} s an epoch holds"
-                )
-            }
-            "earthshine" => "more directions than an epoch may take".into(),
-            "what is left out" => {
-                let missing = |n: &&Need| !n.is_modelled() && n.bound.is_some_and(|b| b > 0.0);
-                let bound = |n: &Need| n.bound.unwrap_or(0.0);
-                let most = self.needs.iter().filter(missing);
-                match most.max_by(|a, b| bound(a).total_cmp(&bound(b))) {
-                    Some(need) => format!("{} of up to {}", need.effect, need.bound_text()),
-                    None => "the edge of the Earth's shadow".into(),
-                }
-            }
-            "direct light" => {
-                "curved parts, the Sun's disc, or the edge of the Earth's shadow".into()
-            }
-            _ => "its own stated error".into(),
+    /// The promise of all samples together.
+    pub fn promise(&self, pass: &Pass, needs: &[Need]) -> Promise {
+        let limit = |(light, samples): &(&'static str, usize)| Limit {
+            light,
+            samples: *samples,
+            why: why(light, pass, needs),
+        };
+        let mut limited_by: Vec<Limit> = self.limits.iter().map(limit).collect();
+        limited_by.sort_by_key(|limit| std::cmp::Reverse(limit.samples));
+        Promise {
+            asked: pass.tolerance,
+            budget_s: pass.budget_s,
+            samples: self.samples,
+            met: self.met,
+            stated_median: self.stated.median(),
+            stated_largest: self.stated.largest(),
+            limited_by,
         }
+    }
+}
+
+fn why(of: &str, pass: &Pass, needs: &[Need]) -> String {
+    match of {
+        "light between surfaces" => {
+            let budget_s = pass.budget_s;
+            format!("more patches and light paths than the budget of {budget_s} s an epoch holds")
+        }
+        "earthshine" => "more directions than an epoch may take".into(),
+        "what is left out" => {
+            let missing = |n: &&Need| !n.is_modelled() && n.bound.is_some_and(|b| b > 0.0);
+            let bound = |n: &Need| n.bound.unwrap_or(0.0);
+            let most = needs.iter().filter(missing);
+            match most.max_by(|a, b| bound(a).total_cmp(&bound(b))) {
+                Some(need) => format!("{} of up to {}", need.effect, need.bound_text()),
+                None => "the edge of the Earth's shadow".into(),
+            }
+        }
+        "direct light" => "curved parts, the Sun's disc, or the edge of the Earth's shadow".into(),
+        _ => "its own stated error".into(),
     }
 }
 

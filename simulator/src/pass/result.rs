@@ -4,7 +4,7 @@ use super::{BANDS, Simulation, SpectralQuantity};
 use serde_json::json;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::RunningMedian;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, SpectralLightCurve,
 };
@@ -34,12 +34,9 @@ pub struct StatedError {
 }
 
 impl StatedError {
-    /// Summarises values and their errors: those above 0 that are visible.
-    fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
-        let good = pairs.filter(|(value, error)| *value > 0.0 && error.is_finite());
-        let shares: Vec<f64> = good.map(|(value, error)| error / value).collect();
-        let largest = shares.iter().copied().reduce(f64::max)?;
-        Some(Self { median: median(shares)?, largest })
+    /// The summary of relative errors; `None` of none.
+    pub(super) fn of(shares: &RunningMedian) -> Option<Self> {
+        Some(Self { median: shares.median()?, largest: shares.largest()? })
     }
 }
 
@@ -78,36 +75,24 @@ impl StandardMagnitude {
     }
 }
 
+/// Effects that are not in a simulation of these needs.
+pub(super) fn not_modelled(needs: &[crate::light::Need]) -> Vec<String> {
+    let missing = needs.iter().filter(|n| !n.is_modelled());
+    let say = |need: &crate::light::Need| match need.bound {
+        Some(bound) if bound > 0.0 => {
+            Some(format!("{} (up to {:.1e}, in the stated error)", need.effect, bound))
+        }
+        _ => None,
+    };
+    let never = NEVER_MODELLED.iter().map(|s| (*s).to_owned());
+    missing.filter_map(say).chain(never).collect()
+}
+
 impl Simulation<'_> {
     /// Returns the effects that are not in the simulation, for comparing it with a measurement: what this scene was not given, with the most that it could be, and
     /// what no simulation holds.
     pub fn not_modelled(&self) -> Vec<String> {
-        let missing = self.needs.iter().filter(|n| !n.is_modelled());
-        let say = |need: &crate::light::Need| match need.bound {
-            Some(bound) if bound > 0.0 => {
-                Some(format!("{} (up to {:.1e}, in the stated error)", need.effect, bound))
-            }
-            _ => None,
-        };
-        let never = NEVER_MODELLED.iter().map(|s| (*s).to_owned());
-        missing.filter_map(say).chain(never).collect()
-    }
-
-    /// The stated errors of a channel's rates, of themselves, over its visible samples with light; `None` without any.
-    pub fn stated_error(&self, channel: &super::ChannelSamples) -> Option<StatedError> {
-        let pairs = channel.rate_hz.iter().copied().zip(channel.error_hz.iter().copied());
-        let visible = pairs.zip(&self.places).filter(|(_, place)| !place.hidden);
-        StatedError::of(visible.map(|(pair, _)| pair))
-    }
-
-    /// The stated errors of all bins of the visible samples, of the sample's mean over the bins; `None` without light.
-    pub fn stated_error_of_bins(&self) -> Option<StatedError> {
-        let rows = self.spectra.rows().into_iter().zip(self.spectra_errors.rows());
-        let visible = rows.zip(&self.places).filter(|(_, place)| !place.hidden);
-        StatedError::of(visible.flat_map(|((values, errors), _)| {
-            let mean = values.mean().unwrap_or(0.0);
-            errors.iter().map(|e| (mean, f64::from(*e))).collect::<Vec<_>>()
-        }))
+        not_modelled(&self.needs)
     }
 
     /// The flags that a sample has in every channel.
@@ -160,7 +145,7 @@ impl Simulation<'_> {
             program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
             command: command.into(),
             station: pass.station.name.clone(),
-            target: format!("{} as {}", pass.object(), pass.target.name),
+            target: format!("{} as {}", self.object, pass.target.name),
             inputs: pass.inputs.clone(),
             notes,
             ..Provenance::default()

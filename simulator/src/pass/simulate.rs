@@ -22,7 +22,7 @@ use sunglint_radiometry::sky::{LUNAR_RADIUS_M, Observer, OrientationOrigin, Site
 use sunglint_radiometry::station::Predicted;
 
 /// Epochs that are done between two reports of progress.
-const REPORT_EVERY: usize = 256;
+pub(super) const REPORT_EVERY: usize = 256;
 
 /// Stage of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -35,6 +35,8 @@ pub enum Stage {
     Light,
     /// Spectra, rates, magnitudes: for every epoch.
     Counts,
+    /// A piece is with whoever takes it ([`Pass::simulate_in_pieces`]).
+    Given,
     /// All is done.
     Done,
 }
@@ -47,6 +49,7 @@ impl Stage {
             Self::Tables => "tables",
             Self::Light => "light",
             Self::Counts => "counts",
+            Self::Given => "results",
             Self::Done => "done",
         }
     }
@@ -131,6 +134,8 @@ pub struct Bounds {
 pub struct Simulation<'a> {
     /// Pass that was simulated.
     pub pass: &'a Pass,
+    /// Name of what is observed: in the whole pass, where this is a piece of one.
+    pub object: String,
     /// Where everything stood.
     pub places: Vec<Place>,
     /// W_k, m² sr⁻¹: epochs × [`Simulation::terms`] that have light.
@@ -207,7 +212,7 @@ impl Pass {
         counter.store(0, Ordering::Relaxed);
         let counts = ready.counted(&places, &lit, &self.exposure_s, &|| tick(Stage::Counts))?;
         let bounds = ready.bounds(along.as_ref(), of, &lit, &counts);
-        let simulation = self.gathered(places, &lit, counts, bounds, &ready);
+        let simulation = self.gathered(self.object(), places, &lit, counts, bounds, &ready);
         begin(Stage::Done);
         Ok(simulation)
     }
@@ -379,6 +384,7 @@ impl Pass {
 
     pub(super) fn gathered(
         &self,
+        object: String,
         places: Vec<Place>,
         lit: &[Lit],
         mut counts: Vec<Counts>,
@@ -413,6 +419,7 @@ impl Pass {
         });
         Simulation {
             pass: self,
+            object,
             weights: Array2::from_shape_fn((n, engine.lit_terms()), |(i, k)| lit[i].0[k]),
             errors: Array2::from_shape_fn((n, terms.len()), |(i, k)| lit[i].1[k]),
             weight_materials: terms[..engine.lit_terms()].iter().map(name).collect(),

@@ -322,6 +322,13 @@ impl Material {
         &self.notes
     }
 
+    /// The material with one more note.
+    #[must_use]
+    pub fn with_note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
     /// The narrowest half-width (at 1/e, at normal incidence) of what it reflects of a ray, radians: 0 of a mirror, π/2 of a Lambert surface. At grazing incidence a
     /// lobe is narrower across the plane of incidence by cosθ_i.
     pub fn lobe_width_rad(&self) -> f64 {

@@ -245,6 +245,8 @@ pub fn with_flashes(
                 verdict.outcome = Outcome::Family(all);
             }
         }
+        // Light with two periods has no comb of one.
+        Outcome::Two(..) => {}
         Outcome::Family(members) => {
             let known = |f: &Member| members.iter().any(|m| explains(&m.estimate, &f.estimate));
             let new: Vec<Member> = train.periods.iter().filter(|f| !known(f)).copied().collect();

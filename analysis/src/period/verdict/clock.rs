@@ -254,7 +254,7 @@ fn doubt(found: &mut Verdict, range: Range) {
             vec![Member { estimate: best, membership: Membership::Best, turns }]
         }
         Outcome::Family(members) => members.clone(),
-        Outcome::NotEnough(_) => return,
+        Outcome::NotEnough(_) | Outcome::Two(..) => return,
     };
     for q in [2, 3] {
         let (by, membership) = (q as f64, Membership::Part(q));
@@ -347,6 +347,7 @@ pub fn verdict_along(
             Outcome::Family(members) => {
                 members.iter_mut().for_each(|m| m.estimate = spin(&m.estimate).0);
             }
+            Outcome::Two(one, other) => (*one, *other) = (spin(one).0, spin(other).0),
             Outcome::NotEnough(_) => {}
         }
         answer = Some(Along {
@@ -365,6 +366,7 @@ pub fn verdict_along(
             _ => break,
         }
     }
-    let is_answer = |v: &Verdict| !matches!(v.outcome, Outcome::NotEnough(_));
+    // Glints that come and go along a pass may look like a second period.
+    let is_answer = |v: &Verdict| matches!(v.outcome, Outcome::One(_) | Outcome::Family(_));
     Ok(answer.filter(|a| is_answer(&a.verdict) || !is_answer(whole)))
 }

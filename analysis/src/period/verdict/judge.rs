@@ -74,7 +74,7 @@ impl Search<'_> {
         Ok((is_open(&question, n), question))
     }
 
-    fn estimate(&self, frequency_hz: f64, harmonics: usize, independent: f64) -> Estimate {
+    pub fn estimate(&self, frequency_hz: f64, harmonics: usize, independent: f64) -> Estimate {
         // A tenth of a resolution of the highest harmonic: the top of the peak is a parabola there.
         let h = 0.1 / (harmonics as f64 * self.range.span_s);
         let at = |f: f64| self.gain(f, harmonics);
@@ -107,6 +107,10 @@ impl Search<'_> {
         answer.independent_channels = channels * self.series.len() as f64;
         answer.independent_samples = samples;
         answer.window_peaks = self.window_peaks()?;
+        if let Some((first, second)) = self.two_periods(base, harmonics) {
+            answer.outcome = Outcome::Two(first, second);
+            return Ok(());
+        }
         if turns < LEAST_TURNS {
             let period_s = best.period_s;
             let (least, wanted_s) = (LEAST_TURNS, LEAST_TURNS * period_s);
@@ -153,6 +157,17 @@ impl Search<'_> {
             let estimate = self.estimate(f, self.order(f), independent);
             let turns = self.range.span_s * f;
             members.push(Member { estimate, membership: Membership::Alias, turns });
+        }
+        if let Some((folding, folded)) =
+            self.folded(base, harmonics, independent, &answer.window_peaks)
+        {
+            for (n, f) in folded {
+                let estimate =
+                    Estimate { period_s: 1.0 / f, sigma_s: best.sigma_s * (base / f).powi(2) };
+                let turns = self.range.span_s * f;
+                members.push(Member { estimate, membership: Membership::Folded(n), turns });
+            }
+            answer.folding = Some(folding);
         }
         answer.outcome =
             if members.len() == 1 { Outcome::One(best) } else { Outcome::Family(members) };

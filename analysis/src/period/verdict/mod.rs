@@ -4,6 +4,9 @@
 //! begins. From there the period is made longer as long as twice, three, five or seven times it explains lines that it does not (see the module `lines`), and shorter as long as
 //! nothing is lost. What is left is the smallest period that its multiples do not better; phase dispersion is asked the same by an F test. Where an answer is neither
 //! yes nor no, both periods are members of a family, with what would decide.
+//!
+//! Even samples show f and |n f_s ± f| alike. Exposures that are known tell some of these apart: what turns in less than two of them, or has a harmonic that turns in less than 1.25 of them, is averaged away. The others are members. Where exposures
+//! are not known they are presumed to fill the time between samples, and the verdict says so. Where many harmonics stand out, two periods at once are asked for (module `two`).
 
 mod clock;
 mod judge;
@@ -11,10 +14,15 @@ mod outcome;
 mod range;
 mod rivals;
 mod search;
+mod tracks;
+mod two;
 
 pub use clock::{Along, Clock, verdict_along};
-pub use outcome::{Estimate, Member, Membership, Options, Outcome, Question, Reason, Verdict};
+pub use outcome::{
+    Estimate, Folding, Member, Membership, Options, Outcome, Question, Reason, Verdict,
+};
 pub use search::SEARCHED;
+pub use tracks::{TrackPeriod, Tracks, compared};
 
 use super::PeriodError;
 use super::lomb_scargle::Centred;
@@ -40,6 +48,7 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
         peaks: Vec::new(),
         searched_s: None,
         window_peaks: Vec::new(),
+        folding: None,
         independent_channels: 0.0,
         independent_samples: 1.0,
         left_out: Vec::new(),

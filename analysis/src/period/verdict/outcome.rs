@@ -24,7 +24,7 @@ pub struct Estimate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Membership {
-    /// The smallest period that fits.
+    /// The smallest period that fits; of a family with parts or folded periods, the one that fits best.
     Best,
     /// That many times the best: what tells them apart is neither there nor ruled out.
     Multiple(usize),
@@ -34,6 +34,8 @@ pub enum Membership {
     Alias,
     /// Not among the periods that harmonics give: flashes ask for it.
     Flashes,
+    /// Even samples show it as the best: |n f_s ± f| with the rate f_s of the samples, the number n, and exposures that are too short to rule it out.
+    Folded(usize),
 }
 
 /// A period that the data leave possible.
@@ -109,6 +111,19 @@ pub enum Reason {
     },
 }
 
+/// Even sampling, and the periods that it shows as the best.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Folding {
+    /// Step of the samples, s.
+    pub step_s: f64,
+    /// The longest exposure, s; `None` where it is not known: then exposures are presumed to fill the step, and no folded period is possible.
+    pub exposure_s: Option<f64>,
+    /// Folded periods that are possible beyond those that are members.
+    pub unnamed: usize,
+    /// The shortest folded period that is possible, s; infinite where none is.
+    pub shortest_s: f64,
+}
+
 /// Answer that the data give.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -117,6 +132,8 @@ pub enum Outcome {
     One(Estimate),
     /// Several, the best first.
     Family(Vec<Member>),
+    /// Two periods at once, the one with more light first: a body that tumbles, or the light of two bodies.
+    Two(Estimate, Estimate),
     /// None.
     NotEnough(Reason),
 }
@@ -157,6 +174,8 @@ pub struct Verdict {
     pub searched_s: Option<(f64, f64)>,
     /// Peaks of the sampling's own spectrum: frequency in Hz, height.
     pub window_peaks: Vec<(f64, f64)>,
+    /// Even sampling, and what it cannot tell from the best; `None` where the sampling is uneven.
+    pub folding: Option<Folding>,
     /// Channels that say something of their own: fewer than there are where the noise is shared.
     pub independent_channels: f64,
     /// The share of the samples that are independent of their neighbours.

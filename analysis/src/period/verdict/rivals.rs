@@ -1,6 +1,8 @@
 //! Rivals of a period: other peaks, and what the sampling does.
 
+use super::super::sums::turns;
 use super::super::{FrequencyGrid, PeriodError, window};
+use super::outcome::Folding;
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
 use super::search::Search;
 use crate::series::Series;
@@ -9,6 +11,17 @@ use crate::series::Series;
 pub(super) const RIVAL: f64 = 12.0;
 /// A window's peak this high makes aliases.
 const WINDOW_PEAK: f64 = 0.3;
+/// Samples whose window has a peak this high are even: f and f_s ± f are the same to them.
+const EVEN: f64 = 0.9;
+/// Shortest folded period, in exposures, and the same of the turn of its highest harmonic that stands out: shorter ones are averaged away.
+const LEAST_EXPOSURES: f64 = 2.0;
+const LEAST_OF_HARMONIC: f64 = 1.25;
+/// Folded periods that are named.
+const MOST_FOLDED: usize = 12;
+/// Harmonics of a folded turn that are fitted.
+const FOLDED_HARMONICS: usize = 6;
+/// Multiples of the sampling that are counted.
+const MOST_MULTIPLES: usize = 10_000;
 
 impl Search<'_> {
     /// Peaks of the sampling's own spectrum, the highest first.
@@ -18,7 +31,8 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let step_hz = 1.0 / (OVERSAMPLING * self.range.span_s);
-        let n = (2.0 * self.range.limit_hz / step_hz) as usize + 2;
+        // A little beyond the sampling itself, so that its peak has two flanks.
+        let n = (2.0 * self.range.limit_hz / step_hz) as usize + 12;
         if n > MOST_FREQUENCIES {
             return Ok(Vec::new());
         }
@@ -35,6 +49,98 @@ impl Search<'_> {
         peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
         peaks.truncate(8);
         Ok(peaks)
+    }
+
+    /// Samples per second where the sampling of all series is even, from the peaks of the longest one's window.
+    fn even_hz(&self, peaks: &[(f64, f64)]) -> Option<f64> {
+        const GOLDEN: f64 = 0.618_033_988_749_895;
+        let high = peaks.iter().filter(|p| p.1 > EVEN).map(|p| p.0);
+        let near = high.min_by(f64::total_cmp)?;
+        let height = |s: &Series, f: f64| {
+            let first = s.time_s.first().copied().unwrap_or(0.0);
+            let (a, b) = s.time_s.iter().fold((0.0, 0.0), |(a, b), t| {
+                let (sin, cos) = (std::f64::consts::TAU * turns(f, t - first)).sin_cos();
+                (a + cos, b + sin)
+            });
+            (a * a + b * b) / (s.len() as f64).powi(2)
+        };
+        let longest = self.series.iter().max_by(|a, b| a.span_s().total_cmp(&b.span_s()))?;
+        let half = 1.0 / (OVERSAMPLING * self.range.span_s);
+        let (mut a, mut b) = (near - half, near + half);
+        for _ in 0..30 {
+            let (x, y) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+            if height(longest, x) > height(longest, y) { b = y } else { a = x }
+        }
+        let found = 0.5 * (a + b);
+        self.series.iter().all(|s| height(s, found) > EVEN).then_some(found)
+    }
+
+    /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, the lowest first, by the multiple of the sampling. `harmonics` stand out at `base`. The light that is seen at `base` may also be the second or third harmonic of a
+    /// folded turn, whose other harmonics are seen elsewhere: where that does as well.
+    pub fn folded(
+        &self,
+        base: f64,
+        harmonics: usize,
+        independent: f64,
+        peaks: &[(f64, f64)],
+    ) -> Option<(Folding, Vec<(usize, f64)>)> {
+        let even_hz = self.even_hz(peaks)?;
+        let known = self.series.iter().all(|s| s.exposure_s > 0.0);
+        let longest = self.series.iter().map(|s| s.exposure_s).fold(0.0, f64::max);
+        let mut folding = Folding {
+            step_s: 1.0 / even_hz,
+            exposure_s: known.then_some(longest),
+            unnamed: 0,
+            shortest_s: f64::INFINITY,
+        };
+        if !known {
+            return Some((folding, Vec::new()));
+        }
+        let of_harmonic = 1.0 / (LEAST_OF_HARMONIC * longest * harmonics as f64);
+        let highest_hz = (1.0 / (LEAST_EXPOSURES * longest)).min(of_harmonic);
+        let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
+        let least = self.gain(base, harmonics) - cost * harmonics as f64 - RIVAL / independent;
+        let does_as_well =
+            |f: f64| (1..=FOLDED_HARMONICS).any(|k| self.gain(f, k) - cost * k as f64 > least);
+        // By the part of a turn, the rest of the multiple of the sampling, and the sign: (n f_s ± f)/part. Of pairs that fold onto one another one is asked.
+        let halves = does_as_well((even_hz - base) / 2.0);
+        let thirds = does_as_well((even_hz - base) / 3.0);
+        let others = does_as_well((2.0 * even_hz - base) / 3.0);
+        let is_possible = |n: usize, sign: f64, part: usize| match (part, n % part, sign < 0.0) {
+            (1, ..) => true,
+            (2, 1, _) => halves,
+            (3, 1, true) | (3, 2, false) => thirds,
+            (3, 2, true) | (3, 1, false) => others,
+            _ => false,
+        };
+        let mut all = Vec::new();
+        for n in 1..=MOST_MULTIPLES {
+            let middle = n as f64 * even_hz;
+            if (middle - base) / 3.0 > highest_hz {
+                break;
+            }
+            for part in 1..=3 {
+                for sign in [-1.0, 1.0] {
+                    let f = (middle + sign * base) / part as f64;
+                    // A part of a turn has as many more harmonics.
+                    let above = part as f64 * f > highest_hz && part > 1;
+                    if f > self.range.highest_hz
+                        && f <= highest_hz
+                        && !above
+                        && is_possible(n, sign, part)
+                    {
+                        all.push((n, f));
+                    }
+                }
+            }
+        }
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((_, highest)) = all.last() {
+            folding.shortest_s = 1.0 / highest;
+        }
+        folding.unnamed = all.len().saturating_sub(MOST_FOLDED);
+        all.truncate(MOST_FOLDED);
+        Some((folding, all))
     }
 
     /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.

@@ -13,11 +13,15 @@
 
 mod along;
 mod growth;
+mod mosaic;
+mod plateau;
 mod radon;
 mod streak;
 
 pub use along::{Along, along};
 pub use growth::Growth;
+pub use mosaic::{green_light, looks_like_mosaic};
+pub use plateau::{Plateau, plateau};
 
 use super::PhotometryError;
 use super::image::Image;
@@ -28,6 +32,7 @@ use ndarray::ArrayView2;
 use rayon::prelude::*;
 use serde::Serialize;
 use streak::{Fitted, Search};
+use sunglint_formats::frame::Bayer;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// Options of a search.
@@ -46,8 +51,8 @@ pub struct FieldOptions {
     pub saturation_adu: Option<f64>,
     /// Electrons for one ADU: with it the noise of the light itself is counted.
     pub gain_e_per_adu: Option<f64>,
-    /// Whether the pixels are a mosaic of colours: the levels of its four phases are made equal first.
-    pub is_mosaic: bool,
+    /// Colours of the first 2 × 2 pixels of a colour camera: its green light is searched and measured ([`green_light`]).
+    pub bayer: Option<Bayer>,
     /// Radius of the aperture of points, px; `None` takes 1.5 times their width at half maximum.
     pub aperture_px: Option<f64>,
     /// Points that are measured at most, the brightest first.
@@ -65,7 +70,7 @@ impl Default for FieldOptions {
             shortest_px: 14.0,
             saturation_adu: None,
             gain_e_per_adu: None,
-            is_mosaic: false,
+            bayer: None,
             aperture_px: None,
             most_points: 20_000,
             fit_growth: false,
@@ -146,6 +151,9 @@ pub struct Field {
     /// Growth of a point's light with the radius, where bright lone points or trails tell it.
     #[serde(skip)]
     pub growth: Option<Growth>,
+    /// Remarks for the reader: which light was measured, saturation that no header told, pixels that look like a colour camera's.
+    #[serde(skip)]
+    pub remarks: Vec<String>,
 }
 
 impl Field {
@@ -206,12 +214,18 @@ pub(crate) struct Prepared {
 pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field, PhotometryError> {
     check(pixels, options)?;
     let size = [pixels.ncols(), pixels.nrows()];
-    let (raw, unit) = values_of(pixels, options.is_mosaic);
-    let full = options.saturation_adu.map_or(f32::INFINITY, |adu| adu as f32);
-    let whole = unit == 1.0 && raw.iter().step_by(97).all(|v| v.is_nan() || v.fract() == 0.0);
+    let mut options = options.clone();
+    let remarks = remarks(pixels, &mut options);
+    let options = &options;
+    let Values { all: raw, own, unit } = Values::of(pixels, options.bayer);
+    // The values are in units of their own.
+    let full = options.saturation_adu.map_or(f32::INFINITY, |adu| (adu / unit) as f32);
+    let own = own.as_deref().unwrap_or(&raw);
+    let whole = unit == 1.0 && own.iter().step_by(97).all(|v| v.is_nan() || v.fract() == 0.0);
     let mut counter = Counter::default();
-    let step = if whole && !options.is_mosaic { 1.0 } else { 0.0 };
-    let tiles = Tiles::of(&raw, size, step, &mut counter).continued();
+    let step = if whole { 1.0 } else { 0.0 };
+    let tiles = Tiles::of(own, size, step, &mut counter).continued();
+    let tiles = if options.bayer.is_some() { tiles.with_noise_times(mosaic::NOISE) } else { tiles };
     let mut image = Image::above(raw.clone(), size, &tiles);
     // Sharper than any point first, then sharper than this frame's points.
     let mut sharp = image.take_out_sharp(0.55).len();
@@ -271,7 +285,37 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
         star_trails,
         aperture_px,
         growth,
+        remarks,
     })
+}
+
+/// Notes that a reader needs beside what is found in a frame; corrects the options by it.
+fn remarks(pixels: ArrayView2<'_, f32>, options: &mut FieldOptions) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if let Some(found) = plateau(pixels)
+        && options.saturation_adu.is_none_or(|adu| found.adu < adu)
+    {
+        options.saturation_adu = Some(found.adu);
+        remarks.push(found.note());
+    }
+    match options.bayer {
+        Some(pattern) => {
+            remarks.push(format!(
+                "a colour camera ({}): places and light are those of its green pixels",
+                pattern.name()
+            ));
+            // Half of the pixels tell the light, and each electron counts twice.
+            options.gain_e_per_adu = options.gain_e_per_adu.map(|gain| 0.5 * gain);
+        }
+        None => {
+            if let Some([a, b, c, d]) = looks_like_mosaic(pixels) {
+                remarks.push(format!(
+                    "the sky's levels in the 2 x 2 pixels are {a:.0}, {b:.0}, {c:.0} and {d:.0} ADU, as a colour camera's: its light is not measured rightly without the pattern (--bayer RGGB, GRBG, GBRG or BGGR)"
+                ));
+            }
+        }
+    }
+    remarks
 }
 
 fn check(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<(), PhotometryError> {
@@ -298,36 +342,43 @@ fn check(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<(), Phot
     Ok(())
 }
 
-/// The values with no infinities, in units in which the noise is not below whole counts, and that unit in ADU; phases of a mosaic brought to one level.
-fn values_of(pixels: ArrayView2<'_, f32>, is_mosaic: bool) -> (Vec<f32>, f64) {
-    let columns = pixels.ncols();
-    let mut values: Vec<f32> =
-        pixels.iter().map(|&v| if v.is_finite() { v } else { f32::NAN }).collect();
-    if is_mosaic {
-        let phase = |i: usize| (i / columns % 2) * 2 + i % columns % 2;
-        let mut levels = [0.0; 4];
-        for (p, level) in levels.iter_mut().enumerate() {
-            let of_phase =
-                values.iter().enumerate().filter(|(i, v)| phase(*i) == p && v.is_finite());
-            *level = median(of_phase.step_by(7).map(|(_, v)| f64::from(*v))).unwrap_or(0.0);
+/// The values of a frame with no infinities, in units in which the noise is not below whole counts.
+struct Values {
+    /// The values of all pixels; of a colour camera the green light.
+    all: Vec<f32>,
+    /// The green pixels of a colour camera, the others NaN: their scatter is that of independent pixels.
+    own: Option<Vec<f32>>,
+    /// A unit of the values, ADU.
+    unit: f64,
+}
+
+impl Values {
+    fn of(pixels: ArrayView2<'_, f32>, bayer: Option<Bayer>) -> Self {
+        let finite = pixels.mapv(|v| if v.is_finite() { v } else { f32::NAN });
+        let (all, own) = match bayer {
+            None => (finite, None),
+            Some(pattern) => {
+                let greens = mosaic::greens(finite.view(), pattern);
+                (mosaic::between(greens.view()), Some(greens))
+            }
+        };
+        let mut all: Vec<f32> = all.iter().copied().collect();
+        let mut own: Option<Vec<f32>> = own.map(|own| own.iter().copied().collect());
+        // Scatter of neighbours (of one colour): of floating frames between 0 and 1 it is far below 1.
+        let apart = if own.is_some() { 2 } else { 1 };
+        let measured = own.as_ref().unwrap_or(&all);
+        let pairs = measured.windows(apart + 1).step_by(101).map(|w| f64::from(w[apart] - w[0]));
+        let pairs: Vec<f64> = pairs.filter(|d| d.is_finite()).map(f64::abs).collect();
+        let noise = SIGMA_PER_MAD * median(pairs).unwrap_or(0.0) / std::f64::consts::SQRT_2;
+        if noise <= 0.0 || noise >= 0.5 {
+            return Self { all, own, unit: 1.0 };
         }
-        let mean = levels.iter().sum::<f64>() / 4.0;
-        for (i, value) in values.iter_mut().enumerate() {
-            *value -= (levels[phase(i)] - mean) as f32;
+        let scale = 100.0 / noise;
+        for value in all.iter_mut().chain(own.iter_mut().flatten()) {
+            *value = (f64::from(*value) * scale) as f32;
         }
+        Self { all, own, unit: 1.0 / scale }
     }
-    // Scatter of neighbours: of floating frames between 0 and 1 it is far below 1.
-    let pairs = values.windows(2).step_by(101).map(|w| f64::from(w[1] - w[0]));
-    let pairs: Vec<f64> = pairs.filter(|d| d.is_finite()).map(f64::abs).collect();
-    let noise = SIGMA_PER_MAD * median(pairs).unwrap_or(0.0) / std::f64::consts::SQRT_2;
-    if noise <= 0.0 || noise >= 0.5 {
-        return (values, 1.0);
-    }
-    let scale = 100.0 / noise;
-    for value in &mut values {
-        *value = (f64::from(*value) * scale) as f32;
-    }
-    (values, 1.0 / scale)
 }
 
 /// Curvatures of the logarithm of a summit's 3 × 3 pixels: the strongest and the weakest, as variances of a normal profile, px²; `None` where a pixel is not above 0.

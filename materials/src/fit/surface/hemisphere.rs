@@ -1,118 +1,370 @@
 //! The two figures of a measured incidence that a fit must keep: its hemispherical reflectance and its peak.
 
+mod triangles;
+
 use crate::samples::turned;
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
 use sunglint_numerics::gauss::legendre;
+use triangles::Triangles;
 
 /// Directions whose bisector lies this near the plane of incidence (y of a unit vector) are in it.
 const IN_PLANE: f64 = 2e-3;
-/// Rings and spokes of the grid on which samples out of the plane share the hemisphere.
-const RINGS: usize = 60;
-const SPOKES: usize = 120;
+/// Light this near the normal (sine of its angle) has no sides.
+const UPRIGHT: f64 = 1e-9;
+/// Directions closer than this, in direction cosines, are one.
+const SAME: f64 = 1e-6;
+/// Rings and spokes about the mirrored direction over which samples out of the plane are summed.
+const RINGS: usize = 160;
+const SPOKES: usize = 72;
 /// A sample stands for nothing farther away than this many times the typical distance of neighbours.
 const REACH: f64 = 2.0;
+/// Out of the plane, and for nothing farther away than this, in direction cosines, where that is more.
+const LEAST_REACH: f64 = 0.15;
+/// Values below this part of the largest have no logarithm of their own: they are taken as this part.
+const LEAST_PART: f64 = 1e-9;
+/// Two rules of interpolation whose sums differ by more than this, as a logarithm, do not resolve the peak.
+const MOST_LN_DOUBT: f64 = 0.3;
+/// Beyond this nothing is known of the reflectance.
+const UNKNOWN_LN: f64 = 1.1;
 
-/// The weight of each sample in the hemispherical reflectance of one incidence: Σ wₖ fₖ stands for ∫ f cosθ_o dω_o.
+/// Hemispherical reflectance of one incidence: the weight of each sample, and how well the samples decide it.
 ///
-/// Projected on the surface, the hemisphere is a disc of radius 1 in which cosθ_o dω_o is the area. Samples in the plane of incidence alone share it in rings about the mirrored
-/// direction: each stands for the part of a ring, on its own side and inside the disc, from half-way to the neighbour before to half-way to the one after. Where
-/// there are samples out of that plane each stands for what is nearer to it than to any other, on both sides of the plane. What is farther from every sample
-/// than twice their usual distance is left out, so the sum of all weights over π says how much of the hemisphere was measured.
-pub fn weights(i: DVec3, o: &[DVec3]) -> Vec<f64> {
-    let turned: Vec<DVec3> = o.iter().map(|o| turned(i, *o).1).collect();
-    let x = i.x.hypot(i.y);
-    if turned.iter().all(|o| o.y.abs() < IN_PLANE) {
-        let s: Vec<f64> = turned.iter().map(|o| o.x + x).collect();
-        let mut weights = rings(x, &s);
-        if x < 1e-9 {
-            // Light along the normal has no sides: all samples were turned to one of them.
-            weights.iter_mut().for_each(|w| *w *= 2.0);
+/// Projected on the surface, the hemisphere is a disc of radius 1 in which cosθ_o dω_o is the area. Between the samples ln f is interpolated in ln(1 + (r/r₀)²), with r the distance from
+/// the mirrored direction in that disc and r₀ the distance of the samples there: constant values, powers of r and the rounded top of a lobe are all met, so that samples whose distances grow
+/// outwards by factors are enough. Samples in the plane of incidence alone share the disc in rings about the mirrored direction, each on its own side; with light along the normal in whole
+/// rings; samples out of that plane by the triangles between neighbours. Interpolation cuts the curve of a lobe off and the value of the nearest sample overshoots it, so the mean of both
+/// counts. What is farther from every sample than twice their usual distance is left out.
+#[derive(Debug, Clone)]
+pub struct Hemisphere {
+    /// Σ wₖ fₖ is the hemispherical reflectance of the samples that it was made from. The weights are derivatives, so that the sum of values that differ little from these is their reflectance.
+    pub weights: Vec<f64>,
+    /// The part of the hemisphere that the samples stand for, 0 to 1.
+    pub coverage: f64,
+    /// How far the reflectance may be off, as a logarithm, because values between the samples are not known: the difference of two rules of interpolation; the difference of the shapes that a
+    /// peak may have which falls steeply to the next sample; and the rise that the slope of the nearest samples lets expect at a mirrored direction that none of them meets. Infinite where that
+    /// rise has no end.
+    pub ln_doubt: f64,
+}
+
+impl Hemisphere {
+    /// Weighs samples at the directions `o` with light from `i`.
+    pub fn new(i: DVec3, o: &[DVec3], value: &[f64]) -> Self {
+        let turned: Vec<DVec3> = o.iter().map(|o| turned(i, *o).1).collect();
+        let x = i.x.hypot(i.y);
+        let flat = turned.iter().all(|o| o.y.abs() < IN_PLANE);
+        // Distances along and across the plane of incidence, from the mirrored direction.
+        let places = turned.iter().map(|o| (o.x + x, if flat { 0.0 } else { o.y.abs() }));
+        let nodes = Nodes::new(places, value);
+        let mut sum = Sum::new(&nodes);
+        if x < UPRIGHT {
+            upright(&nodes, &mut sum);
+        } else if flat {
+            rings(x, &nodes, &mut sum);
+        } else {
+            cells(x, &nodes, &mut sum);
         }
-        weights
-    } else {
-        cells(&turned)
+        let (weights, coverage) = (nodes.weights(&sum.by_ln), sum.area / PI);
+        let known = sum.between > 0.0;
+        let between = if known { (sum.nearest / sum.between).ln().abs() } else { 0.0 };
+        let whole = 0.5 * (sum.between + sum.nearest);
+        let ln_doubt = between + nodes.shape_inside(&sum.by_ln, whole) + nodes.rise_inside(whole);
+        Self { weights, coverage, ln_doubt }
+    }
+
+    /// Whether the samples are close enough to one another for their peak.
+    pub fn is_resolved(&self) -> bool {
+        self.ln_doubt <= MOST_LN_DOUBT
+    }
+
+    /// Whether the sum says anything of the reflectance: to a factor of three.
+    pub fn is_known(&self) -> bool {
+        self.ln_doubt <= UNKNOWN_LN
+    }
+
+    /// The sum of these values.
+    pub fn of(&self, value: &[f64]) -> f64 {
+        self.weights.iter().zip(value).map(|(w, v)| w * v).sum()
     }
 }
 
-/// How much of the hemisphere weights stand for, 0 to 1.
-pub fn coverage(weights: &[f64]) -> f64 {
-    weights.iter().sum::<f64>() / std::f64::consts::PI
+/// Places that were measured, each once.
+struct Nodes {
+    at: Vec<(f64, f64)>,
+    ln: Vec<f64>,
+    /// The node of each sample, the sample's value, and how many samples a node has.
+    of: Vec<usize>,
+    value: Vec<f64>,
+    count: Vec<f64>,
+    /// r₀.
+    near: f64,
+}
+
+impl Nodes {
+    fn new(places: impl Iterator<Item = (f64, f64)>, value: &[f64]) -> Self {
+        let least = LEAST_PART * value.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let value: Vec<f64> = value.iter().map(|v| v.max(least)).collect();
+        let mut made = Self {
+            at: Vec::new(),
+            ln: Vec::new(),
+            of: Vec::new(),
+            count: Vec::new(),
+            value,
+            near: 1.0,
+        };
+        let mut known = BTreeMap::new();
+        for (k, place) in places.enumerate() {
+            let key = |v: f64| (v / SAME).round() as i64;
+            let node = *known.entry((key(place.0), key(place.1))).or_insert(made.at.len());
+            if node == made.at.len() {
+                made.at.push(place);
+                made.ln.push(0.0);
+                made.count.push(0.0);
+            }
+            made.of.push(node);
+            made.ln[node] += made.value[k].ln();
+            made.count[node] += 1.0;
+        }
+        made.ln.iter_mut().zip(&made.count).for_each(|(ln, count)| *ln /= count);
+        // The distance of the innermost from its neighbour, or from the mirrored direction.
+        let radius = |k: &usize| made.at[*k].0.hypot(made.at[*k].1);
+        if let Some(inner) = (0..made.at.len()).min_by(|a, b| radius(a).total_cmp(&radius(b))) {
+            let (x, y) = made.at[inner];
+            let apart = |k: usize| (made.at[k].0 - x).hypot(made.at[k].1 - y);
+            let others = (0..made.at.len()).filter(|k| *k != inner).map(apart);
+            let least = others.fold(f64::INFINITY, f64::min);
+            let near = if least.is_finite() { least } else { 0.0 };
+            made.near = near.max(radius(&inner)).clamp(1e-6, 1.0);
+        }
+        made
+    }
+
+    /// The coordinate in which ln f is interpolated.
+    fn warped(&self, r: f64) -> f64 {
+        0.5 * (r / self.near).powi(2).ln_1p()
+    }
+
+    fn weights(&self, by_ln: &[f64]) -> Vec<f64> {
+        let one = |(k, v): (&usize, &f64)| by_ln[*k] / (self.count[*k] * v);
+        self.of.iter().zip(&self.value).map(one).collect()
+    }
+
+    /// The logarithm by which the reflectance may differ from `whole` by the shape of a peak that falls by a factor D to the next sample, at a distance h: a Gaussian through both holds
+    /// πh²f/ln D, the distribution (1 + r²/w²)⁻² of GGX πh²f/(√D − 1).
+    fn shape_inside(&self, by_ln: &[f64], whole: f64) -> f64 {
+        let Some(top) = (0..self.ln.len()).max_by(|a, b| self.ln[*a].total_cmp(&self.ln[*b]))
+        else {
+            return 0.0;
+        };
+        let (x, y) = self.at[top];
+        let apart = |k: usize| (self.at[k].0 - x).hypot(self.at[k].1 - y);
+        let others = || (0..self.ln.len()).filter(|k| *k != top);
+        let near = 1.5 * others().map(apart).fold(f64::INFINITY, f64::min);
+        let next = others().filter(|k| apart(*k) <= near).map(|k| self.ln[k]);
+        let next = next.fold(f64::NEG_INFINITY, f64::max);
+        let fall = self.ln[top] - next;
+        if !(fall.is_finite() && fall > 0.0 && whole > 0.0) {
+            return 0.0;
+        }
+        let shapes = ((0.5 * fall).exp_m1() / fall).max(1.0);
+        (by_ln[top] / whole * (shapes - 1.0)).max(0.0).ln_1p()
+    }
+
+    /// The logarithm by which the reflectance may be more than `whole` because values rise towards a mirrored direction that was not met as a power of the distance, as between the innermost
+    /// sample and those at twice its distance.
+    fn rise_inside(&self, whole: f64) -> f64 {
+        let radius = |k: usize| self.at[k].0.hypot(self.at[k].1);
+        let by_radius = |a: &usize, b: &usize| radius(*a).total_cmp(&radius(*b));
+        let Some(inner) = (0..self.at.len()).min_by(by_radius) else { return 0.0 };
+        let r = radius(inner);
+        if r < 0.1 * self.near || whole <= 0.0 {
+            return 0.0;
+        }
+        let outer = (0..self.at.len()).filter(|k| radius(*k) >= 2.0 * r).min_by(by_radius);
+        let Some(outer) = outer else { return 0.0 };
+        let power = (self.ln[inner] - self.ln[outer]) / (radius(outer) / r).ln();
+        let flat = PI * r * r * self.ln[inner].exp() / whole;
+        if power >= 2.0 {
+            // Nothing bounds it; a part of a thousandth, ten times as bright, would not matter.
+            return if flat < 1e-3 { 0.0 } else { f64::INFINITY };
+        }
+        (flat * power.max(0.0) / (2.0 - power)).ln_1p()
+    }
+}
+
+/// The quantity that is summed over the disc.
+struct Sum<'a> {
+    ln: &'a [f64],
+    /// Derivatives of the reflectance by ln f of the nodes.
+    by_ln: Vec<f64>,
+    /// The reflectance by interpolation, and by the value of the nearest node.
+    between: f64,
+    nearest: f64,
+    area: f64,
+}
+
+impl<'a> Sum<'a> {
+    fn new(nodes: &'a Nodes) -> Self {
+        let by_ln = vec![0.0; nodes.ln.len()];
+        Self { ln: &nodes.ln, by_ln, between: 0.0, nearest: 0.0, area: 0.0 }
+    }
+
+    /// Adds a piece of the disc whose ln f is that of nodes with these weights.
+    fn add(&mut self, area: f64, parts: &[(usize, f64)]) {
+        let f = parts.iter().map(|(k, w)| w * self.ln[*k]).sum::<f64>().exp();
+        for (k, w) in parts {
+            self.by_ln[*k] += 0.5 * area * f * w;
+        }
+        if let Some((k, _)) = parts.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+            let f = self.ln[*k].exp();
+            self.by_ln[*k] += 0.5 * area * f;
+            self.nearest += area * f;
+        }
+        self.between += area * f;
+        self.area += area;
+    }
+}
+
+/// Adds the area between two places on a line, `element(s) ds`, by the two nodes that are given with their coordinates.
+fn stretch(
+    sum: &mut Sum<'_>,
+    (from, to): (f64, f64),
+    nodes: [(usize, f64); 2],
+    coordinate: impl Fn(f64) -> f64,
+    element: impl Fn(f64) -> f64,
+) {
+    const PANELS: usize = 6;
+    if to <= from {
+        return;
+    }
+    let rule = legendre(4);
+    let [(a, at_a), (b, at_b)] = nodes;
+    let half = 0.5 * (to - from) / PANELS as f64;
+    for panel in 0..PANELS {
+        let middle = from + half * (2 * panel + 1) as f64;
+        for (t, w) in &rule {
+            let s = middle + t * half;
+            let part = if at_b > at_a {
+                ((coordinate(s) - at_a) / (at_b - at_a)).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            sum.add(w * half * element(s), &[(a, 1.0 - part), (b, part)]);
+        }
+    }
+}
+
+/// In whole rings about the normal, by the distance from it.
+fn upright(nodes: &Nodes, sum: &mut Sum<'_>) {
+    // The nodes are turned to one side already.
+    along(nodes, sum, (0.0, 1.0), |r| nodes.warped(r), |r| TAU * r, &[]);
 }
 
 /// By the place along the plane of incidence, from the mirrored direction.
-fn rings(x: f64, s: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..s.len()).collect();
-    order.sort_by(|a, b| s[*a].total_cmp(&s[*b]));
-    let gap = usual(order.windows(2).map(|w| s[w[1]] - s[w[0]]));
-    let (low, high) = (x - 1.0, x + 1.0);
-    let mut weights = vec![0.0; s.len()];
-    for (n, k) in order.iter().enumerate() {
-        let half = |other: Option<&usize>| match other {
-            Some(other) => (0.5 * (s[*other] - s[*k]).abs()).min(REACH * gap),
-            None => 0.5 * gap,
-        };
-        let before = n.checked_sub(1).and_then(|n| order.get(n));
-        let from = (s[*k] - half(before)).max(low);
-        let to = (s[*k] + half(order.get(n + 1))).min(high);
-        // The ring has a kink where it meets the rim of the disc, and its radius one at 0.
-        let rim = 1.0 - x;
-        let mut edges = vec![from];
-        edges.extend([-rim, 0.0, rim].into_iter().filter(|e| *e > from && *e < to));
-        edges.push(to);
-        weights[*k] = edges.windows(2).map(|w| arc(x, w[0], w[1])).sum();
-    }
-    weights
-}
-
-/// ∫ of the arc on the side of s, inside the disc, over |s|.
-fn arc(x: f64, from: f64, to: f64) -> f64 {
-    if to <= from {
-        return 0.0;
-    }
-    let angle = |s: f64| {
+fn rings(x: f64, nodes: &Nodes, sum: &mut Sum<'_>) {
+    let rim = 1.0 - x;
+    let coordinate = |s: f64| nodes.warped(s.abs()).copysign(s);
+    // The arc on the side of s, inside the disc, times its radius. It has a kink where it meets the rim of the disc.
+    let element = |s: f64| {
         let r = s.abs();
-        if r <= 1.0 - x {
-            return FRAC_PI_2 * 2.0;
+        if r <= rim {
+            return r * PI;
         }
         // Beyond the nearer rim only the far side is left, and all of the arc is its.
-        2.0 * ((r * r + x * x - 1.0) / (2.0 * r * x)).clamp(-1.0, 1.0).acos()
+        r * 2.0 * ((r * r + x * x - 1.0) / (2.0 * r * x)).clamp(-1.0, 1.0).acos()
     };
-    let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-    legendre(8)
-        .iter()
-        .map(|(t, w)| w * half * (middle + t * half).abs() * angle(middle + t * half))
-        .sum()
+    along(nodes, sum, (x - 1.0, x + 1.0), coordinate, element, &[-rim, 0.0, rim]);
 }
 
-/// Each place of the disc to the sample that is nearest.
-fn cells(o: &[DVec3]) -> Vec<f64> {
-    let places: Vec<(f64, f64)> = o.iter().map(|o| (o.x, o.y.abs())).collect();
-    let nearest = |p: (f64, f64), but: Option<usize>| {
-        let mut best = (f64::INFINITY, 0);
-        for (k, q) in places.iter().enumerate().filter(|(k, _)| Some(*k) != but) {
-            let d = (q.0 - p.0).powi(2) + (q.1 - p.1).powi(2);
-            // Several measurements of one place share it: the first stands for all, below.
-            if d < best.0 {
-                best = (d, k);
-            }
+/// Shares a line among its nodes.
+fn along(
+    nodes: &Nodes,
+    sum: &mut Sum<'_>,
+    (low, high): (f64, f64),
+    coordinate: impl Fn(f64) -> f64,
+    element: impl Fn(f64) -> f64,
+    kinks: &[f64],
+) {
+    let s = |k: usize| nodes.at[k].0;
+    let mut order: Vec<usize> = (0..nodes.at.len()).collect();
+    order.sort_by(|a, b| s(*a).total_cmp(&s(*b)));
+    let (Some(first), Some(last)) = (order.first(), order.last()) else { return };
+    let gap = usual(order.windows(2).map(|w| s(w[1]) - s(w[0])));
+    let mut add = |from: f64, to: f64, nodes: [(usize, f64); 2]| {
+        let (from, to) = (from.max(low), to.min(high));
+        let mut edges = vec![from];
+        edges.extend(kinks.iter().copied().filter(|e| *e > from && *e < to));
+        edges.push(to);
+        for w in edges.windows(2) {
+            stretch(sum, (w[0], w[1]), nodes, &coordinate, &element);
         }
-        (best.0.sqrt(), best.1)
     };
-    let gap = usual((0..places.len()).map(|k| nearest(places[k], Some(k)).0));
-    let mut weights = vec![0.0; o.len()];
-    for ring in 0..RINGS {
-        // Rings of equal area.
-        let r = ((ring as f64 + 0.5) / RINGS as f64).sqrt();
-        for spoke in 0..SPOKES {
-            let phi = 0.5 * TAU * (spoke as f64 + 0.5) / SPOKES as f64;
-            let (d, k) = nearest((r * phi.cos(), r * phi.sin()), None);
-            if d <= (REACH * gap).max(0.15) {
-                weights[k] += std::f64::consts::PI / (RINGS * SPOKES) as f64;
+    let reach = REACH * gap;
+    // A disc about the normal goes to its middle; elsewhere an end stands for half a gap beyond.
+    let begin = if low == 0.0 { s(*first).min(reach) } else { 0.5 * gap };
+    add(s(*first) - begin, s(*first), [(*first, 0.0); 2]);
+    for w in order.windows(2) {
+        let (a, b) = (w[0], w[1]);
+        let ends = [(a, coordinate(s(a))), (b, coordinate(s(b)))];
+        if s(b) - s(a) > 2.0 * reach {
+            add(s(a), s(a) + reach, ends);
+            add(s(b) - reach, s(b), ends);
+        } else {
+            add(s(a), s(b), ends);
+        }
+    }
+    add(s(*last), s(*last) + 0.5 * gap, [(*last, 0.0); 2]);
+}
+
+/// By the triangles between samples out of the plane of incidence, on one side of it: the other is the same.
+fn cells(x: f64, nodes: &Nodes, sum: &mut Sum<'_>) {
+    let apart = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).hypot(a.1 - b.1);
+    let nearest = |p: (f64, f64), but: Option<usize>| {
+        let others = nodes.at.iter().enumerate().filter(|(k, _)| Some(*k) != but);
+        others.fold((f64::INFINITY, 0), |best, (k, q)| {
+            let d = apart(*q, p);
+            if d < best.0 { (d, k) } else { best }
+        })
+    };
+    let gap = usual((0..nodes.at.len()).map(|k| nearest(nodes.at[k], Some(k)).0));
+    let reach = (REACH * gap).max(LEAST_REACH);
+    let warped = |(x, y): (f64, f64)| {
+        let r = x.hypot(y);
+        let times = if r > 0.0 { nodes.warped(r) / r } else { 0.0 };
+        (x * times, y * times)
+    };
+    // Both sides of the plane: so that neighbours across it are neighbours.
+    let mut corners: Vec<(usize, (f64, f64))> = Vec::new();
+    for (k, at) in nodes.at.iter().enumerate() {
+        let (u, v) = warped(*at);
+        corners.push((k, (u, v)));
+        if at.1 > SAME {
+            corners.push((k, (u, -v)));
+        }
+    }
+    let places: Vec<(f64, f64)> = corners.iter().map(|c| c.1).collect();
+    let mut triangles = Triangles::new(&places);
+    for spoke in 0..SPOKES {
+        let (sin, cos) = (PI * (spoke as f64 + 0.5) / SPOKES as f64).sin_cos();
+        // From the mirrored direction, at x before the middle of the disc, to its rim.
+        let rim = x * cos + (1.0 - (x * sin).powi(2)).max(0.0).sqrt();
+        let step = nodes.warped(rim) / RINGS as f64;
+        let radius = |u: f64| nodes.near * (2.0 * u).exp_m1().max(0.0).sqrt();
+        for ring in 0..RINGS {
+            let u = step * (ring as f64 + 0.5);
+            let (inner, outer) = (radius(step * ring as f64), radius(step * (ring + 1) as f64));
+            let (r, area) = (radius(u), (outer * outer - inner * inner) * PI / SPOKES as f64);
+            let (distance, k) = nearest((r * cos, r * sin), None);
+            if distance > reach {
+                continue;
+            }
+            match triangles.at((u * cos, u * sin)) {
+                Some(parts) => sum.add(area, &parts.map(|(corner, w)| (corners[corner].0, w))),
+                None => sum.add(area, &[(k, 1.0)]),
             }
         }
     }
-    weights
 }
 
 /// A high quantile of distances above 0.

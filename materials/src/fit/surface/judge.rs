@@ -1,6 +1,6 @@
 //! Measured quantities at each incidence, and the misfit of a surface to them.
 
-use super::hemisphere;
+use super::hemisphere::{self, Hemisphere};
 use super::model::{Cone, Recipe, Surface, disc};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +14,7 @@ use sunglint_numerics::order::robust_sigma;
 /// described to 10 % is not bent for the sake of a peak as one that can be described to 25 % is.
 const HEMISPHERICAL: f64 = 4.0;
 const PEAK: f64 = 2.0;
-/// Their part where the table reflects more than a surface can.
+/// Their part where the table reflects more than a surface can, or where nothing is known of its peak.
 const DOUBTED: f64 = 0.5;
 /// A table that reflects more than this is doubted.
 pub(super) const MOST_OF_TABLE: f64 = 0.95;
@@ -74,14 +74,17 @@ pub(super) struct Incidence {
     /// Rows of the table.
     pub row: Vec<usize>,
     pub value: Vec<f64>,
+    /// ln f, or where errors do not grow with the value, arsinh(f/b).
     pub ln: Vec<f64>,
+    /// b: the value, sr⁻¹, at which the error that is the same everywhere equals that in proportion; 0 where there is none.
+    pub equal_per_sr: f64,
     /// Uncertainties of ln f over the typical one.
     pub unit: Vec<f64>,
     pub region: Vec<Region>,
-    /// Weights of the hemispherical reflectance.
-    pub weight: Vec<f64>,
+    pub hemisphere: Hemisphere,
+    /// Hemispherical reflectance of the table.
     pub hemispherical: f64,
-    /// Weight of the hemispherical reflectance and the peak: less where the table reflects more than a surface can.
+    /// Weight of the hemispherical reflectance and the peak: less where the table reflects more than a surface can, or where nothing is known of its peak.
     trust: f64,
     /// The samples at the peak.
     pub peak: Vec<usize>,
@@ -91,10 +94,10 @@ pub(super) struct Incidence {
 }
 
 impl Incidence {
-    pub fn new(theta_i_deg: f64, i: DVec3, rows: Vec<Row>, cone: &Cone) -> Self {
+    pub fn new(theta_i_deg: f64, i: DVec3, rows: Vec<Row>, cone: &Cone, equal_per_sr: f64) -> Self {
         let o: Vec<DVec3> = rows.iter().map(|r| r.1).collect();
         let value: Vec<f64> = rows.iter().map(|r| r.2).collect();
-        let weight = hemisphere::weights(i, &o);
+        let hemisphere = Hemisphere::new(i, &o, &value);
         let radius = cone.radius_rad();
         let mirrored = DVec3::new(-i.x, -i.y, i.z);
         let near = (BLURRED * radius).max(1e-9);
@@ -102,19 +105,22 @@ impl Incidence {
             .iter()
             .map(|o| if o.angle_between(mirrored) < near { disc(*o, radius) } else { vec![] })
             .collect();
-        let peak = hemisphere::peak(i, &o, radius, 0.1);
-        let hemispherical: f64 = weight.iter().zip(&value).map(|(w, v)| w * v).sum();
+        let mut peak = hemisphere::peak(i, &o, radius, 0.1);
+        peak.retain(|k| value[*k] > equal_per_sr);
+        let hemispherical = hemisphere.of(&value);
+        let doubted = hemispherical > MOST_OF_TABLE || !hemisphere.is_known();
         Self {
             theta_i_deg,
             i,
-            trust: if hemispherical > MOST_OF_TABLE { DOUBTED } else { 1.0 },
+            trust: if doubted { DOUBTED } else { 1.0 },
             hemispherical,
             row: rows.iter().map(|r| r.0).collect(),
-            ln: value.iter().map(|v| v.ln()).collect(),
+            ln: value.iter().map(|v| scaled(*v, equal_per_sr)).collect(),
+            equal_per_sr,
             unit: rows.iter().map(|r| r.3).collect(),
             region: o.iter().map(|o| Region::of(i, *o)).collect(),
             partner: partners(i, &o),
-            weight,
+            hemisphere,
             peak,
             disc,
             o,
@@ -142,7 +148,7 @@ impl Incidence {
             n % stride == stride / 2 || (stride > 1 && self.region[*k] == Region::Peak)
         });
         let rows = kept.map(|(_, k)| (self.row[k], self.o[k], self.value[k], self.unit[k]));
-        Self::new(self.theta_i_deg, self.i, rows.collect(), cone)
+        Self::new(self.theta_i_deg, self.i, rows.collect(), cone, self.equal_per_sr)
     }
 
     pub fn seen(&self, surface: &Surface, blur2: f64) -> Vec<f64> {
@@ -152,11 +158,26 @@ impl Incidence {
 
     /// Model over table: hemispherical reflectance, and the peak (geometric mean of its samples).
     pub fn ratios(&self, seen: &[f64]) -> (f64, Option<f64>) {
-        let sum: f64 = self.weight.iter().zip(seen).map(|(w, v)| w * v).sum();
-        let ln: f64 = self.peak.iter().map(|k| seen[*k].max(LEAST).ln() - self.ln[*k]).sum();
+        let sum = self.hemisphere.of(seen);
+        let ln: f64 = self.peak.iter().map(|k| self.scaled(seen[*k]) - self.ln[*k]).sum();
         let peak = (!self.peak.is_empty()).then(|| (ln / self.peak.len() as f64).exp());
-        (sum / self.hemispherical, peak)
+        (sum / self.hemispherical.max(LEAST), peak)
     }
+
+    /// A value on the scale on which errors are alike.
+    fn scaled(&self, value: f64) -> f64 {
+        scaled(value, self.equal_per_sr)
+    }
+
+    /// How much ln f of a sample moves for an error of 1 on that scale.
+    fn relative_error(&self, k: usize) -> f64 {
+        self.value[k].hypot(self.equal_per_sr)
+    }
+}
+
+/// ∫ df/√(f² + b²): the logarithm where errors grow with the value, and linear where they do not, so that values below 0 count as what they are.
+fn scaled(value: f64, equal: f64) -> f64 {
+    if equal > 0.0 { (value / equal).asinh() } else { value.max(LEAST).ln() }
 }
 
 /// For each direction the one on the other side of the mirrored direction, in direction cosines.
@@ -248,7 +269,7 @@ impl<'a> Judge<'a> {
         for incidence in &self.incidences {
             let seen = incidence.seen(surface, self.blur2);
             for (k, seen) in seen.iter().enumerate() {
-                all.push((incidence.ln[k] - seen.max(LEAST).ln()) / incidence.unit[k]);
+                all.push((incidence.ln[k] - incidence.scaled(*seen)) / incidence.unit[k]);
             }
         }
         all
@@ -263,7 +284,7 @@ impl<'a> Judge<'a> {
         for incidence in &self.incidences {
             let seen = incidence.seen(&surface, self.blur2);
             for (k, seen) in seen.iter().enumerate() {
-                let r = (incidence.ln[k] - seen.max(LEAST).ln()) / incidence.unit[k];
+                let r = (incidence.ln[k] - incidence.scaled(*seen)) / incidence.unit[k];
                 rows.push(r * self.weight[at].sqrt());
                 at += 1;
             }
@@ -357,7 +378,8 @@ impl<'a> Judge<'a> {
             let root = (n as f64).sqrt() * self.misfit * incidence.trust;
             for k in 0..count {
                 let own = jacobian.row(at + k) * self.weight[at + k].sqrt();
-                let share = incidence.weight[k] * incidence.value[k] / incidence.hemispherical;
+                let share = incidence.hemisphere.weights[k] * incidence.relative_error(k)
+                    / incidence.hemispherical;
                 let of_all =
                     jacobian.row(figure) * (HEMISPHERICAL * root * share * incidence.unit[k]);
                 moved.set_row(at + k, &(own + of_all));

@@ -8,7 +8,10 @@
 //! any misfit. A sample counts less only if it lies apart from its partner on the other side of the mirrored direction: where both sides are off alike it is the law that is wrong.
 //!
 //! Recipes are chosen by what they say of incidences that they were not fitted to, one left out at a time, and the simplest is taken that is not worse by more than chance.
-//! The residuals at the incidences left out give the doubt of ln f, by region.
+//! The residuals at the incidences left out give the doubt of ln f, by region. A table of one incidence has none to leave out: recipes whose parts it cannot tell apart are not tried then, and the
+//! doubt is wide.
+//!
+//! Where errors do not all grow with the value, ln f gives way to arsinh(f/b), which is linear below b: values around 0 and below count as what they are, and do not bend the law.
 
 pub mod colour;
 pub mod hemisphere;
@@ -20,7 +23,7 @@ pub use judge::Region;
 pub use model::{Cone, Floor, Kind, Recipe, Rise, Surface};
 
 use super::report::{FitError, LeftOut};
-use super::{independent, student_quantile, wavelength};
+use super::{ALIKE, independent, saturated, student_quantile, wavelength};
 use crate::samples::{Samples, turned};
 use judge::{Incidence, Judge};
 use search::Candidate;
@@ -31,10 +34,19 @@ use sunglint_numerics::order::quantile;
 use sunglint_numerics::progress::Progress;
 use sunglint_simulator::surface::MaterialError;
 
-/// Incidences that a choice needs: one left out, and one on either side.
-pub const LEAST_INCIDENCES: usize = 3;
+/// Values that an incidence needs.
+const LEAST_VALUES: usize = 5;
+/// Incidences below which it is said that there are few.
+const FEW_INCIDENCES: usize = 3;
+/// Part of the doubt of ln f of a law from one incidence, at others.
+const UNKNOWN_LN: f64 = 1.0;
+/// Errors in proportion to the value: with which a search begins, and which are possible.
+const RELATIVE: f64 = 0.1;
+const RELATIVES: [f64; 2] = [0.003, 0.2];
+/// Values larger than this many times the error that is the same everywhere say how large the errors in proportion are.
+const BRIGHT: f64 = 20.0;
 /// Hemispherical reflectance and peak may be off by this before a material is doubtful: 10 % and 25 %.
-const MOST_OFF: [f64; 2] = [0.10, 0.25];
+pub(super) const MOST_OFF: [f64; 2] = [0.10, 0.25];
 /// With samples farther apart than this about the mirrored direction no mirror is looked for, degrees.
 const MOST_STEP_DEG: f64 = 3.0;
 /// Samples of an incidence on which recipes are searched; those that are kept then see all.
@@ -154,11 +166,15 @@ pub struct AtIncidence {
     pub values: usize,
     /// Root mean square of ln f.
     pub rms_ln: f64,
-    /// Hemispherical reflectance of the table, see [`hemisphere::weights`].
+    /// Hemispherical reflectance of the table, see [`hemisphere::Hemisphere`]; NaN where its samples are so far apart at the peak that nothing is known of it.
     pub hemispherical_table: f64,
+    /// How far that may be off, as a logarithm, by what lies between the samples.
+    pub hemispherical_ln_doubt: f64,
+    /// The hemispherical reflectance that the file itself states (Zemax's TIS).
+    pub tis: Option<f64>,
     /// How much of the hemisphere its samples stand for.
     pub coverage: f64,
-    /// The same sum of the law, over that of the table.
+    /// The same sum over the same directions of the law, over that of the table: also where it is not known what that sum says of the hemisphere.
     pub hemispherical_ratio: f64,
     /// The peak; none where the table has no sample near the mirrored direction.
     pub peak: Option<Peak>,
@@ -209,12 +225,47 @@ pub enum Flaw {
         /// Hemispherical reflectance of the table.
         hemispherical: f64,
     },
+    /// The samples are too far apart for the peak, which may hold any part of the light.
+    PeakNotResolved {
+        /// Angle of incidence, degrees.
+        theta_i_deg: f64,
+        /// Hemispherical reflectance of the table; NaN where nothing is known of it.
+        hemispherical: f64,
+        /// How far that may be off, as a logarithm.
+        ln_doubt: f64,
+    },
+    /// The values do not reflect as much as the file says that they do.
+    Tis {
+        /// Angle of incidence, degrees.
+        theta_i_deg: f64,
+        /// Hemispherical reflectance of the values.
+        hemispherical: f64,
+        /// That in the file.
+        tis: f64,
+    },
     /// The law was held back by energy.
     Held {
         /// The largest albedo, at which angle, degrees.
         theta_i_deg: f64,
         /// That albedo.
         albedo: f64,
+    },
+    /// Light came from few directions.
+    FewIncidences {
+        /// Number of the incidences.
+        incidences: usize,
+    },
+    /// Values that were not used, and that are missed.
+    LeftOut {
+        /// How many.
+        left_out: LeftOut,
+    },
+    /// The largest value is there several times: the detector could not show more.
+    Saturated {
+        /// That value, sr⁻¹.
+        per_sr: f64,
+        /// How many have it.
+        values: usize,
     },
     /// The table is not the same with light and detector exchanged.
     NotReciprocal {
@@ -251,13 +302,51 @@ impl fmt::Display for Flaw {
                 f,
                 "the table itself reflects {hemispherical:.2} of the light at {theta_i_deg}° of incidence, if its peak is as wide across the plane of incidence as in it: its calibration may be high, or the peak is narrower there. The law keeps to 1"
             ),
+            Self::PeakNotResolved { theta_i_deg, hemispherical, ln_doubt } => {
+                write!(
+                    f,
+                    "at {theta_i_deg}° of incidence the samples are too far apart for the peak: "
+                )?;
+                if hemispherical.is_nan() {
+                    f.write_str("how much the table reflects is not known")?;
+                } else {
+                    let factor = ln_doubt.exp();
+                    write!(
+                        f,
+                        "the {hemispherical:.3} that the table reflects may be off by a factor of {factor:.1}"
+                    )?;
+                }
+                f.write_str(". Measure nearer to the mirrored direction")
+            }
+            Self::Tis { theta_i_deg, hemispherical, tis } => write!(
+                f,
+                "at {theta_i_deg}° of incidence the values reflect {hemispherical:.3} and the file's own TIS is {tis:.3}: look at the units and the scale of the values"
+            ),
             Self::Held { theta_i_deg, albedo } => write!(
                 f,
                 "the law was held back by energy: it reflects {albedo:.3} of the light at {theta_i_deg}° of incidence"
             ),
+            Self::FewIncidences { incidences: 1 } => f.write_str(
+                "all light came from one angle of incidence: how the surface changes with it is the law's own word, and its doubt is wide",
+            ),
+            Self::FewIncidences { incidences } => write!(
+                f,
+                "light came from {incidences} angles of incidence: between and beyond them the law is little tested"
+            ),
+            Self::LeftOut { left_out } => {
+                write!(f, "{left_out}")?;
+                if left_out.not_above_zero > 0 {
+                    f.write_str(". Values around 0 count only with --additive-per-sr, their error; what is left is too bright on the average")?;
+                }
+                Ok(())
+            }
+            Self::Saturated { per_sr, values } => write!(
+                f,
+                "{values} values are the same maximum, {per_sr} sr⁻¹: the detector was saturated. They are left out, and the peak is what the law makes of its sides"
+            ),
             Self::NotReciprocal { pairs, rms_ln } => write!(
                 f,
-                "the table is not reciprocal: light and detector exchanged give values that differ by {:.0} % (rms of {pairs} pairs). The law is reciprocal",
+                "the table is not reciprocal: light and detector exchanged give values that differ by {:.0} % more than the law does (rms of {pairs} pairs). The law is reciprocal",
                 100.0 * rms_ln.exp_m1()
             ),
         }
@@ -309,6 +398,11 @@ pub struct SurfaceFit {
 }
 
 impl SurfaceFit {
+    /// The half-width of the narrowest lobe or mirror about the mirrored direction, degrees; none of diffuse light alone.
+    pub fn narrowest_deg(&self) -> Option<f64> {
+        self.surface.narrowest().map(f64::to_degrees)
+    }
+
     /// Whether peak and hemispherical reflectance are those of the table at every incidence.
     pub fn is_faithful(&self) -> bool {
         !self.flaws.iter().any(Flaw::needs_consent)
@@ -366,14 +460,14 @@ impl SurfaceFit {
 /// Fits a surface of several parts to measured values.
 ///
 /// # Errors
-/// A wavelength that is not there or not said; an anisotropic table; fewer than three incidences; too few values.
+/// A wavelength that is not there or not said; an anisotropic table; no incidence with five values; too few values.
 pub fn fit_surface(
     samples: &Samples,
     options: &SurfaceOptions,
     progress: &dyn Progress,
 ) -> Result<SurfaceFit, FitError> {
     let column = wavelength(samples, options.wavelength_nm)?;
-    let (incidences, left_out) = incidences(samples, column, options)?;
+    let (mut incidences, left_out) = self::incidences(samples, column, options, RELATIVE)?;
     let cone = options.cone;
     let mut recipes = options.recipes.clone();
     if recipes.is_empty() {
@@ -383,10 +477,13 @@ pub fn fit_surface(
         if sunglint_numerics::order::median(steps).is_none_or(|step| step > MOST_STEP_DEG) {
             recipes.retain(|r| !r.mirror);
         }
+        if incidences.len() == 1 {
+            // One incidence does not tell what changes with it.
+            recipes.retain(|r| !r.mirror && r.rise == Rise::Constant && r.floor != Floor::Falling);
+        }
     }
     let count: usize = incidences.iter().map(|i| i.ln.len()).sum();
     recipes.retain(|r| count >= 2 * r.ranges().len() + 3);
-    let refs: Vec<&Incidence> = incidences.iter().collect();
     let few: Vec<Incidence> = incidences.iter().map(|i| i.thinned(SEARCHED, &cone)).collect();
     let few: Vec<&Incidence> = few.iter().collect();
     let with = (&cone, search::MISFIT);
@@ -398,6 +495,13 @@ pub fn fit_surface(
         candidates.extend(search::all(&more, &few, with, &|| progress.advance(1)));
         candidates.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
     }
+    if options.additive_per_sr > 0.0
+        && let Some(best) = candidates.first()
+    {
+        let relative = relative_error(best, &incidences, options);
+        incidences = self::incidences(samples, column, options, relative)?.0;
+    }
+    let refs: Vec<&Incidence> = incidences.iter().collect();
     let misfit = search::misfit(&candidates, &refs, &cone);
     let (mut candidates, others) = search::shortlist(candidates);
     search::finish(&mut candidates, &refs, &cone, misfit);
@@ -438,6 +542,22 @@ pub fn fit_surface(
     finish(samples, column, &candidate, &incidences, left_out, tried, (&cone, misfit))
 }
 
+/// The errors in proportion to the value, from bright samples.
+fn relative_error(
+    candidate: &Candidate,
+    incidences: &[Incidence],
+    options: &SurfaceOptions,
+) -> f64 {
+    let refs: Vec<&Incidence> = incidences.iter().collect();
+    let judge = Judge::new(&candidate.recipe, refs, &options.cone, search::MISFIT);
+    let residual = judge.samples(&judge.surface(&candidate.found.x));
+    let values = incidences.iter().flat_map(|i| i.value.iter().copied());
+    let is_bright = |v: f64| v > BRIGHT * options.additive_per_sr;
+    let bright = residual.iter().zip(values).filter(|(_, v)| is_bright(*v)).map(|(r, _)| *r);
+    let found = sunglint_numerics::order::robust_sigma(bright).unwrap_or(RELATIVE);
+    found.clamp(RELATIVES[0], RELATIVES[1])
+}
+
 /// The best recipes of two lobes with a third one.
 fn three_lobes(candidates: &[Candidate]) -> Vec<Recipe> {
     let mut all: Vec<Recipe> = Vec::new();
@@ -468,6 +588,7 @@ fn incidences(
     samples: &Samples,
     column: usize,
     options: &SurfaceOptions,
+    relative: f64,
 ) -> Result<(Vec<Incidence>, LeftOut), FitError> {
     let refused = |reason| FitError::Law { law: "a surface of several parts".into(), reason };
     if samples.has_azimuths() {
@@ -477,6 +598,8 @@ fn incidences(
     }
     let mut left_out = LeftOut::default();
     let least = options.theta_most_deg.to_radians().cos() - 1e-9;
+    let saturated = saturated(samples, column).map_or(f64::INFINITY, |s| s * (1.0 - ALIKE));
+    let additive = options.additive_per_sr;
     let mut rows = Vec::new();
     for (k, row) in samples.rows.iter().enumerate() {
         let value = row.brdf_per_sr[column];
@@ -486,7 +609,9 @@ fn incidences(
             left_out.missing += 1;
         } else if i.z < least.max(1e-6) || o.z < least.max(1e-6) {
             left_out.horizon += 1;
-        } else if value <= 0.0 {
+        } else if value >= saturated {
+            left_out.saturated += 1;
+        } else if value <= 0.0 && additive <= 0.0 {
             left_out.not_above_zero += 1;
         } else if options.floor_per_sr.is_some_and(|floor| value <= floor) {
             left_out.at_floor += 1;
@@ -496,27 +621,33 @@ fn incidences(
         }
     }
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Relative uncertainties over their median, where all are known; a constant error counts beside a typical one of 10 %.
+    // Relative uncertainties over their median, where all are known.
     let known = rows.iter().all(|r| r.5 > 0.0 && r.5.is_finite());
     let middle = sunglint_numerics::order::median(rows.iter().map(|r| r.5)).unwrap_or(1.0);
     let mut groups: Vec<(f64, glam::DVec3, Vec<judge::Row>)> = Vec::new();
     for (theta, k, i, o, value, relative) in rows {
-        let known = if known { (relative / middle).max(1.0) } else { 1.0 };
-        let unit = known.hypot(options.additive_per_sr / (0.1 * value));
+        let is_known = known && additive <= 0.0;
+        let unit = if is_known { (relative / middle).max(1.0) } else { 1.0 };
         match groups.last_mut() {
             Some(group) if (theta - group.0).abs() < 1e-3 => group.2.push((k, o, value, unit)),
             _ => groups.push((theta, i, vec![(k, o, value, unit)])),
         }
     }
     // A handful of values says nothing of an incidence as a whole.
-    groups.retain(|g| g.2.len() >= 5);
-    if groups.len() < LEAST_INCIDENCES {
+    groups.retain(|g| {
+        let is_enough = g.2.len() >= LEAST_VALUES;
+        left_out.few += if is_enough { 0 } else { g.2.len() };
+        is_enough
+    });
+    if groups.is_empty() {
         return Err(refused(
-            "the table has fewer than three incidences with five values or more: fit one law with --law",
+            "the table has no incidence with five values or more: fit one law with --law",
         ));
     }
-    let made =
-        groups.into_iter().map(|(theta, i, rows)| Incidence::new(theta, i, rows, &options.cone));
+    let equal = additive / relative;
+    let made = groups
+        .into_iter()
+        .map(|(theta, i, rows)| Incidence::new(theta, i, rows, &options.cone, equal));
     Ok((made.collect(), left_out))
 }
 
@@ -579,10 +710,21 @@ fn finish(
             table_per_sr: incidence.value[*k],
             ratio,
         });
-        if incidence.hemispherical > judge::MOST_OF_TABLE {
-            flaws.push(Flaw::TableGains { theta_i_deg, hemispherical: incidence.hemispherical });
+        let hemisphere = &incidence.hemisphere;
+        let known = |value: f64| if hemisphere.is_known() { value } else { f64::NAN };
+        let hemispherical = known(incidence.hemispherical);
+        let tis = samples.tis(theta_i_deg);
+        if !hemisphere.is_resolved() {
+            let ln_doubt = hemisphere.ln_doubt;
+            flaws.push(Flaw::PeakNotResolved { theta_i_deg, hemispherical, ln_doubt });
         }
-        if (hemispherical_ratio - 1.0).abs() > MOST_OFF[0] {
+        if hemispherical * (-hemisphere.ln_doubt).exp() > judge::MOST_OF_TABLE {
+            flaws.push(Flaw::TableGains { theta_i_deg, hemispherical });
+        }
+        if let Some(tis) = tis.filter(|tis| is_other(*tis, hemispherical, incidence)) {
+            flaws.push(Flaw::Tis { theta_i_deg, hemispherical, tis });
+        }
+        if hemisphere.is_known() && (hemispherical_ratio - 1.0).abs() > MOST_OFF[0] {
             flaws.push(Flaw::Hemispherical { theta_i_deg, ratio: hemispherical_ratio });
         }
         if let Some(ratio) = ratio.filter(|r| (r - 1.0).abs() > MOST_OFF[1]) {
@@ -592,8 +734,10 @@ fn finish(
             theta_i_deg,
             values: n,
             rms_ln: rms(raw[at..at + n].iter().copied()).unwrap_or(f64::NAN),
-            hemispherical_table: incidence.hemispherical,
-            coverage: hemisphere::coverage(&incidence.weight),
+            hemispherical_table: hemispherical,
+            hemispherical_ln_doubt: incidence.hemisphere.ln_doubt,
+            tis,
+            coverage: incidence.hemisphere.coverage,
             hemispherical_ratio,
             peak,
             albedo: albedo.iter().find(|a| a.0 == theta_i_deg).map_or(f64::NAN, |a| a.1),
@@ -605,7 +749,17 @@ fn finish(
         let most = albedo.iter().copied().fold((0.0, 0.0), |m, a| if a.1 > m.1 { a } else { m });
         flaws.push(Flaw::Held { theta_i_deg: most.0, albedo: most.1 });
     }
-    flaws.extend(reciprocity(incidences));
+    if incidences.len() < FEW_INCIDENCES {
+        flaws.push(Flaw::FewIncidences { incidences: incidences.len() });
+    }
+    if left_out.saturated > 0 {
+        let per_sr = saturated(samples, column).unwrap_or(f64::NAN);
+        flaws.push(Flaw::Saturated { per_sr, values: left_out.saturated });
+    }
+    if left_out.not_above_zero + left_out.few + left_out.missing > 0 {
+        flaws.push(Flaw::LeftOut { left_out });
+    }
+    flaws.extend(reciprocity(incidences, &raw));
     Ok(SurfaceFit {
         wavelength_nm: samples.wavelength_nm[column],
         name: candidate.recipe.name(),
@@ -626,6 +780,11 @@ fn finish(
         residual: raw,
         surface,
     })
+}
+
+/// Whether a stated reflectance is not that of the values, beyond 10 % and what lies between the samples.
+fn is_other(tis: f64, hemispherical: f64, incidence: &Incidence) -> bool {
+    (hemispherical / tis).ln().abs() > MOST_OFF[0] + incidence.hemisphere.ln_doubt
 }
 
 /// Numbers, albedos by angle of incidence, and whether energy held them back.
@@ -719,7 +878,8 @@ fn doubt(candidate: &Candidate, incidences: &[Incidence], raw: &[f64]) -> Doubt 
     let of_fit = quantile(&own, 0.95);
     let of = |region: Region| {
         let found = point(Some(region), any).or_else(|| point(Some(region), false));
-        found.or_else(|| point(None, false)).unwrap_or(of_fit)
+        let unknown = || if candidate.folds.is_empty() { UNKNOWN_LN } else { 0.0 };
+        found.or_else(|| point(None, false)).unwrap_or_else(|| of_fit.hypot(unknown()))
     };
     Doubt {
         peak_ln: of(Region::Peak),
@@ -751,11 +911,22 @@ fn unseen(candidate: &Candidate, k: usize, incidence: &Incidence, doubt: &Doubt)
 /// Differences of ln f with light and detector exchanged larger than this, rms, are said.
 const MOST_APART: f64 = 0.10;
 
-/// Compares what was measured both ways: samples whose exchange lies between neighbours of another incidence in the same plane.
-fn reciprocity(incidences: &[Incidence]) -> Option<Flaw> {
+/// Compares what was measured both ways: samples with the nearest of another incidence to their exchange, each over the law, which is reciprocal, so that the fall between both directions is none. What
+/// the noise of neighbours explains is no difference.
+fn reciprocity(incidences: &[Incidence], residual: &[f64]) -> Option<Flaw> {
     let mut differences = Vec::new();
-    for a in incidences {
-        for b in incidences.iter().filter(|b| b.theta_i_deg > a.theta_i_deg) {
+    let from: Vec<usize> = incidences
+        .iter()
+        .scan(0, |at, i| {
+            *at += i.ln.len();
+            Some(*at - i.ln.len())
+        })
+        .collect();
+    for (m, a) in incidences.iter().enumerate() {
+        for (n, b) in incidences.iter().enumerate() {
+            if b.theta_i_deg <= a.theta_i_deg {
+                continue;
+            }
             for (k, o) in a.o.iter().enumerate() {
                 // Light from a's incidence to b's direction: on b's side both have the azimuths of light exchanged.
                 let theta = o.z.acos().to_degrees();
@@ -772,11 +943,27 @@ fn reciprocity(incidences: &[Incidence]) -> Option<Flaw> {
                     && a.region[k] != Region::Peak
                     && b.region[j] != Region::Peak
                 {
-                    differences.push(a.ln[k] - b.ln[j]);
+                    differences.push(residual[from[m] + k] - residual[from[n] + j]);
                 }
             }
         }
     }
     let rms_ln = rms(differences.iter().copied())?;
-    (rms_ln > MOST_APART).then_some(Flaw::NotReciprocal { pairs: differences.len(), rms_ln })
+    let pairs = differences.len();
+    // As far as neighbours along the plane of incidence differ, both ways may; and so few pairs scatter.
+    let chance = noise(incidences, residual) * (1.0 + 3.0 / (2.0 * pairs as f64).sqrt());
+    (rms_ln > MOST_APART.max(chance)).then_some(Flaw::NotReciprocal { pairs, rms_ln })
+}
+
+/// The scatter of the difference of two samples: that of neighbours in the plane of incidence.
+fn noise(incidences: &[Incidence], residual: &[f64]) -> f64 {
+    let (mut steps, mut at) = (Vec::new(), 0);
+    for incidence in incidences {
+        let mut order: Vec<usize> =
+            (0..incidence.o.len()).filter(|k| incidence.o[*k].y.abs() < 2e-3).collect();
+        order.sort_by(|a, b| incidence.o[*a].x.total_cmp(&incidence.o[*b].x));
+        steps.extend(order.windows(2).map(|w| residual[at + w[1]] - residual[at + w[0]]));
+        at += incidence.o.len();
+    }
+    sunglint_numerics::order::robust_sigma(steps).unwrap_or(0.0)
 }

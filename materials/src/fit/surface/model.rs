@@ -298,6 +298,12 @@ impl Surface {
         share * self.rise.at(i.z) * (-(g * i.z).powi(2)).exp() * bell / o.z
     }
 
+    /// The half-width of the narrowest part about the mirrored direction, in direction cosines.
+    pub(super) fn narrowest(&self) -> Option<f64> {
+        let mirror = self.mirror.map(|m| 2.0 * m.alpha);
+        self.lobes.iter().map(|l| l.width).chain(mirror).min_by(f64::total_cmp)
+    }
+
     /// A bound of what it reflects that needs no integral.
     fn bound(&self) -> f64 {
         self.lobes.iter().map(|l| l.share).sum::<f64>()

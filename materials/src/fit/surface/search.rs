@@ -163,7 +163,8 @@ fn balanced(judge: &Judge<'_>, mut p: Vec<f64>) -> Vec<f64> {
         let surface = judge.recipe.with(&alone);
         let all = judge.incidences.iter().flat_map(|i| {
             let seen = i.seen(&surface, judge.blur2);
-            seen.into_iter().zip(&i.value).map(|(s, v)| s / v).collect::<Vec<_>>()
+            let bright = seen.into_iter().zip(&i.value).filter(|(_, v)| **v > i.equal_per_sr);
+            bright.map(|(s, v)| s / v).collect::<Vec<_>>()
         });
         parts.push(all.collect());
     }
@@ -299,6 +300,9 @@ pub(super) fn leave_out(
     misfit: f64,
 ) {
     let count = incidences.len();
+    if count < 2 {
+        return;
+    }
     let left: Vec<usize> = if count <= FOLDS {
         (0..count).collect()
     } else {
@@ -344,7 +348,9 @@ pub(super) fn score(candidate: &Candidate) -> f64 {
 /// The simplest candidate that is not worse than the best one by more than chance explains. Each is judged by both its fit and by what it says of incidences left out; `independent` is as how
 /// many samples count.
 pub(super) fn choose(candidates: &[Candidate], independent: f64) -> Option<usize> {
-    let scores: Vec<f64> = candidates.iter().map(|c| c.found.cost + score(c)).collect();
+    // Of one incidence none can be left out: its fit alone counts.
+    let left_out = |c: &Candidate| if c.folds.is_empty() { 0.0 } else { score(c) };
+    let scores: Vec<f64> = candidates.iter().map(|c| c.found.cost + left_out(c)).collect();
     let best = (0..candidates.len()).min_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
     let size = |k: usize| candidates[k].found.x.len();
     let alike = |k: &usize| {

@@ -46,6 +46,10 @@ pub struct ForeignRows {
     pub rows: Vec<Row>,
     /// Directions above the horizon that hold no value.
     pub missing: usize,
+    /// Hemispherical reflectance that the file states (Zemax's TIS): angle of incidence, degrees, and value.
+    pub tis: Vec<(f64, f64)>,
+    /// Changes that were made to the values in reading, for people.
+    pub remarks: Vec<String>,
 }
 
 impl Exchange {
@@ -102,17 +106,38 @@ impl Exchange {
             let text = std::str::from_utf8(content);
             text.map_err(|_| ParseError::new(path, "bytes that are no text", "text in UTF-8"))
         };
+        let (mut tis, mut remarks) = (Vec::new(), Vec::new());
         let (rows, of_file, missing) = match self {
             Self::Fred => (from_fred(&fred::read_str(path, text()?)?), None, 0),
             Self::Zemax => {
-                let (rows, missing) = from_zemax(path, &zemax::read_str(path, text()?)?)?;
+                let file = zemax::read_str(path, text()?)?;
+                let (rows, missing) = from_zemax(path, &file)?;
+                tis = file.incidence_deg.iter().copied().zip(file.tis.iter().copied()).collect();
                 (rows, None, missing)
             }
             Self::Astm => {
-                let (rows, nm) = from_astm(path, &astm::read_str(path, text()?)?, wavelength_nm)?;
-                (rows, nm, 0)
+                let file = astm::read_str(path, text()?)?;
+                let (rows, column) = from_astm(path, &file, wavelength_nm)?;
+                if is_cosine_corrected(&file.names[column]) {
+                    remarks.push(format!(
+                        "{}: cosine-corrected values (ASTM E2387) are divided by the cosine of the scattered light's angle",
+                        file.names[column]
+                    ));
+                }
+                (rows, file.wavelength_nm(column), 0)
             }
-            Self::Columns => (from_columns(path, text()?)?, said_wavelength(text()?), 0),
+            Self::Columns => {
+                let said = said_wavelength(text()?);
+                if let (Some(said), Some(asked)) = (said, wavelength_nm)
+                    && (said - asked).abs() >= SAME_NM
+                {
+                    let found = format!("the wavelength {said} nm");
+                    let error =
+                        ParseError::new(path, found, format!("{asked} nm, which was asked for"));
+                    return Err(error.with_hint("leave the wavelength out: the file says its own"));
+                }
+                (from_columns(path, text()?)?, said, 0)
+            }
             Self::Merl | Self::Utia | Self::Rgl => {
                 let found = database::read(self, path, content)?;
                 return some(path, database::picked(path, found, wavelength_nm)?);
@@ -123,7 +148,10 @@ impl Exchange {
             let hint = "say it: --wavelength-nm 650, or wavelength_nm = 650 in a scene";
             return Err(error.with_hint(hint));
         };
-        some(path, ForeignRows { wavelength_nm: vec![nm], colours: false, rows, missing })
+        some(
+            path,
+            ForeignRows { wavelength_nm: vec![nm], colours: false, rows, missing, tis, remarks },
+        )
     }
 }
 
@@ -152,12 +180,12 @@ fn from_fred(file: &FredScatter) -> Vec<Row> {
 /// Wavelengths closer than this are the same, nm.
 const SAME_NM: f64 = 0.5;
 
-/// The column of a wavelength, and which one it says; where it is not asked for the file must have one column only.
+/// The values of a wavelength, and which column they are; where it is not asked for the file must have one column only.
 fn from_astm(
     path: &Path,
     file: &AstmScatter,
     wavelength_nm: Option<f64>,
-) -> Result<(Vec<Row>, Option<f64>), ParseError> {
+) -> Result<(Vec<Row>, usize), ParseError> {
     let said: Vec<Option<f64>> = (0..file.names.len()).map(|k| file.wavelength_nm(k)).collect();
     let column = match (said.as_slice(), wavelength_nm) {
         ([_], None) | ([None], Some(_)) => Some(0),
@@ -168,11 +196,20 @@ fn from_astm(
         let error = ParseError::new(path, file.names.join(", "), "one of its wavelengths");
         return Err(error.with_hint("say which: --wavelength-nm 532, or wavelength_nm in a scene"));
     };
+    let corrected = is_cosine_corrected(&file.names[column]);
     let one = |r: &astm::AstmRow| {
         let [theta_i, phi_i, theta_s, phi_s] = r.angles_rad.map(f64::to_degrees);
-        row(theta_i, phi_i, theta_s, phi_s, r.bsdf_per_sr[column])
+        let cos = if corrected { r.angles_rad[2].cos() } else { 1.0 };
+        // At the horizon nothing is left of what was multiplied by 0.
+        (cos > 1e-6).then(|| row(theta_i, phi_i, theta_s, phi_s, r.bsdf_per_sr[column] / cos))
     };
-    Ok((file.rows.iter().map(one).collect(), said[column]))
+    Ok((file.rows.iter().filter_map(one).collect(), column))
+}
+
+/// Whether a column holds the BSDF times the cosine of the scattered light's angle (`ccBSDF`).
+fn is_cosine_corrected(name: &str) -> bool {
+    let name = name.to_lowercase();
+    ["ccbsdf", "ccbrdf", "cc_bsdf", "cc_brdf", "cosine"].iter().any(|word| name.contains(word))
 }
 
 /// The direction at a radial angle and an azimuth about the mirrored ray of light with the azimuth 180°: 0 towards the normal.

@@ -8,12 +8,17 @@
 //!
 //! Geometries outside what was measured are extrapolated from the nearest, and said to be ([`Material::covers`]). For a table in the plane of incidence that is
 //! all of what is out of that plane: there, the value is that in the plane with the same tilt of the bisector and the same angle between light and bisector.
+//! For a table with a tangent whose light came from a half of the azimuths, the other half is taken to be the same turned by 180°; of one quarter, the next is taken to be its mirror image;
+//! wider gaps between azimuths are extrapolated. Directions with several values count once, with the median.
 //!
-//! The error of interpolation is measured ([`Material::ln_doubt`]): each incidence but the first and the last is left out in turn, and so is each value between its neighbours.
+//! The error of interpolation is measured ([`Material::ln_doubt`]): each incidence but the first and the last is left out in turn, and so is each value between its neighbours. A lobe that is narrower
+//! than the directions are apart is missed by all of them: where values still rise as a power of the distance at the direction nearest to the mirrored ray, the doubt there is that of a lobe that
+//! reflects all light.
 
 mod doubt;
 mod foreign;
 mod read;
+mod rows;
 mod slice;
 
 pub use foreign::{Exchange, ForeignRows};
@@ -76,6 +81,10 @@ pub fn material(
     Ok(made)
 }
 
+/// The begin of a note on a table whose directions are too far apart for its peak.
+pub const NOT_RESOLVED: &str = "peak not resolved";
+/// Gaps between azimuths of incidence wider than this many usual ones were not measured.
+const WIDE: f64 = 1.5;
 /// A geometry this near a measured incidence was measured, radians.
 const MEASURED_RAD: f64 = 1.75e-3;
 /// An incidence beyond the last measured one is this many times as far as one between two.
@@ -100,6 +109,10 @@ struct Table {
     flat: bool,
     /// The directions of each row.
     directions: Vec<(DVec3, DVec3)>,
+    /// Rows that were measured: symmetry gave the others.
+    measured: usize,
+    /// The usual distance of azimuths of incidence, radians.
+    phi_step: f64,
     doubts: Doubts,
 }
 
@@ -229,6 +242,15 @@ impl Table {
         if isotropic {
             phi = vec![0.0];
         }
+        let (mut rows, several) = rows::once(placed, &value, wavelengths, isotropic);
+        notes.extend(several);
+        let measured = rows.placed.len();
+        if let Some(assumed) = rows::complete(&mut rows, &phi, wavelengths) {
+            notes.push(assumed);
+            let tilted = rows.placed.iter().filter(|p| p.theta_i > SAME_DEG.to_radians());
+            phi = distinct(tilted.map(|p| p.phi_i).collect());
+        }
+        let rows::Rows { placed, mut value, ln_scatter } = rows;
         let mut mixed = slice::Mixed::new();
         let slices = slices(&placed, &theta, &phi, isotropic, &mut mixed)
             .ok_or_else(|| data("too few rows".to_owned(), "3 or more for each direction of incidence, and for each elevation of incidence the same azimuths"))?;
@@ -246,17 +268,30 @@ impl Table {
             wavelengths,
             isotropic,
             theta,
-            phi,
             flat: isotropic && slices.iter().all(Slice::is_plane),
             slices,
             value,
             log,
             width_rad: FRAC_PI_2,
             directions,
+            measured,
+            phi_step: rows::step(&phi),
+            phi,
             doubts: Doubts::default(),
         };
         made.width_rad = made.width();
-        made.doubts = Doubts::of(&made);
+        made.doubts = Doubts::of(&made, &ln_scatter);
+        notes.extend(made.doubts.not_resolved(&made));
+        if made.flat {
+            let note = "all directions lie in the plane of incidence: values out of it are extrapolated, and with them the hemispherical reflectance, which may be a third too large";
+            notes.push(note.to_owned());
+        }
+        notes.extend(mirrored_side(
+            made.directions
+                .iter()
+                .enumerate()
+                .map(|(k, (i, o))| (*i, *o, made.value[k * wavelengths])),
+        ));
         Ok((made, notes))
     }
 
@@ -334,13 +369,15 @@ impl Table {
     /// Adds the rows for light from `i` with the bisector `h`.
     fn one_way(&self, i: DVec3, h: DVec3, without: Option<usize>, sink: &mut impl Sink) -> Way {
         let (i, h) = if self.isotropic { turned(i, h) } else { (i, h) };
-        let theta = super::tensor::elevation(i);
+        let theta = elevation(i);
         let rows = self.theta.len();
         let Between { low, high, part, mut way } = self.between(theta, without);
         let (k, next, f) = self.azimuth(i);
         if self.phi.len() > 1 {
-            way.distance =
-                way.distance.hypot(f.min(1.0 - f) * TAU / self.phi.len() as f64 * i.x.hypot(i.y));
+            let gap = (self.phi[next] - self.phi[k]).rem_euclid(TAU);
+            let apart = f.min(1.0 - f) * gap * i.x.hypot(i.y);
+            way.covered &= gap <= WIDE * self.phi_step || apart < SAME_DEG.to_radians();
+            way.distance = way.distance.hypot(apart);
         }
         for (k, around) in [(k, 1.0 - f), (next, f)] {
             for (j, up) in [(low, 1.0 - part), (high, part)] {
@@ -487,7 +524,7 @@ impl Scatter for Table {
     fn describe(&self) -> String {
         format!(
             "table of {} geometries, {} directions of incidence, {} wavelength{}",
-            self.directions.len(),
+            self.measured,
             self.slices.len(),
             self.wavelengths,
             if self.wavelengths == 1 { "" } else { "s" }
@@ -573,6 +610,34 @@ fn slices(
     (!made.is_empty()).then_some(made)
 }
 
+/// Light farther from the normal than this has two sides (sine of 10°), and a lobe this near the light is on its side (cosine of 5°).
+const SIDED: f64 = 0.173;
+const ON_LIGHTS_SIDE: f64 = 0.996;
+/// A lobe is more than this many times what is seen on the other side.
+const LOBE: f64 = 3.0;
+
+/// Says where the largest values of most incidences lie about the light itself, in place of the mirrored ray: in a file with another convention of azimuths they do. Takes directions
+/// of light and detector with their value.
+pub fn mirrored_side(values: impl Iterator<Item = (DVec3, DVec3, f64)>) -> Option<String> {
+    // By incidence: the largest value, whether it lies about the light, and the largest about the mirrored ray.
+    let mut found: std::collections::BTreeMap<[i64; 2], (f64, bool, f64)> =
+        std::collections::BTreeMap::new();
+    for (i, o, value) in values.filter(|v| v.0.x.hypot(v.0.y) > SIDED && v.2.is_finite()) {
+        let key = [i.x, i.y].map(|v| (v * 1e5).round() as i64);
+        let entry = found.entry(key).or_insert((0.0, false, 0.0));
+        if value > entry.0 {
+            (entry.0, entry.1) = (value, i.dot(o) > ON_LIGHTS_SIDE);
+        }
+        if o.dot(DVec3::new(-i.x, -i.y, i.z)) > ON_LIGHTS_SIDE {
+            entry.2 = entry.2.max(value);
+        }
+    }
+    let wrong = found.values().filter(|v| v.1 && v.0 > LOBE * v.2).count();
+    (wrong >= 2 && 2 * wrong > found.len()).then(|| {
+        "the largest values lie about the light itself: either the sample sends light back to where it came from, or the file has the mirrored ray at the light's azimuth. Here the mirrored ray is at phi_i_deg + 180: add 180 to phi_o_deg then".to_owned()
+    })
+}
+
 /// Both turned so that `i` has the azimuth 0.
 fn turned(i: DVec3, o: DVec3) -> (DVec3, DVec3) {
     let across = (i.x * i.x + i.y * i.y).sqrt();
@@ -582,6 +647,10 @@ fn turned(i: DVec3, o: DVec3) -> (DVec3, DVec3) {
     }
     let (cos, sin) = (i.x / across, i.y / across);
     (DVec3::new(across, 0.0, i.z), DVec3::new(o.x * cos + o.y * sin, o.y * cos - o.x * sin, o.z))
+}
+
+fn elevation(d: DVec3) -> f64 {
+    super::tensor::elevation(d)
 }
 
 fn spherical(theta: f64, phi: f64) -> DVec3 {

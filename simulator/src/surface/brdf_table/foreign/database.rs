@@ -33,7 +33,14 @@ pub(super) fn read(
         _ => {
             let file = TensorFile::from_bytes(path, content)?;
             let (wavelength_nm, rows) = measured::nodes(path, &file)?;
-            Ok(ForeignRows { wavelength_nm, colours: false, rows, missing: 0 })
+            Ok(ForeignRows {
+                wavelength_nm,
+                colours: false,
+                rows,
+                missing: 0,
+                tis: Vec::new(),
+                remarks: Vec::new(),
+            })
         }
     }
 }
@@ -102,7 +109,14 @@ fn from_merl(file: &MerlBrdf) -> ForeignRows {
             }
         }
     }
-    ForeignRows { wavelength_nm: COLOURS_NM.to_vec(), colours: true, rows, missing }
+    ForeignRows {
+        wavelength_nm: COLOURS_NM.to_vec(),
+        colours: true,
+        rows,
+        missing,
+        tis: Vec::new(),
+        remarks: Vec::new(),
+    }
 }
 
 /// Tilt of the bisector, angle to it, azimuth about it from the plane of the bisector and the normal (Rusinkiewicz 1998, *A new change of variables for efficient BRDF representation*), radians.
@@ -141,5 +155,12 @@ fn from_utia(file: &UtiaBrdf) -> ForeignRows {
             }
         }
     }
-    ForeignRows { wavelength_nm: COLOURS_NM.to_vec(), colours: true, rows, missing }
+    ForeignRows {
+        wavelength_nm: COLOURS_NM.to_vec(),
+        colours: true,
+        rows,
+        missing,
+        tis: Vec::new(),
+        remarks: Vec::new(),
+    }
 }

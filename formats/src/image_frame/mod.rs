@@ -3,19 +3,21 @@
 //! [`ImageFrame`] holds the pixels of the first image of a FITS file (packed with gzip too) and a [`FrameHeader`]: when the light fell, how long, through what, at which
 //! gain and temperature, where. What the header leaves open is `None`; what it contradicts, or what had to be assumed, stands in [`FrameHeader::notes`].
 //!
-//! **Time.** `DATE-AVG` or `MJD-AVG` is the middle. Else it is `DATE-BEG` or `DATE-OBS` plus half of the exposure (minus half of it where the card says that it is the
-//! end, as SharpCap's "Frame Grabbed" does), else `DATE-END`, `MJD-OBS`, `JD`, or the old pair of a date with `TIME-OBS` or `UT`. `TIMESYS` counts; without one times are UTC.
-//! `DATE-LOC` is local and not read. Two cards that differ by more than a millisecond are noted.
+//! **Time.** `DATE-AVG`, `DATE-MID`, `MJD-AVG` or `MJD-MID` is the middle. Else it is `DATE-BEG` or `DATE-OBS` plus half of the exposure (minus half of it where the card's comment says that it is the
+//! end, as SharpCap's "Frame Grabbed" does), else `DATE-END`, `MJD-OBS`, `JD`, or a date with `TIME-OBS`, `UTC-OBS`, `TIME-BEG` or `UT` beside it. `TIMESYS` counts; without one times are UTC.
+//! `DATE-LOC` is local and not read, and a card whose comment says local time is refused. Two cards that differ by more than a millisecond are noted.
+//!
+//! **Several images.** Of a file with several the one called `SCI` is read, else the first that is neither a mask nor an uncertainty; [`ReadOptions::extension`] names another.
 //!
 //! Headers were taken from the real ones that the project PhotonFinder keeps as its tests (SGP, MaximDL, APT, SharpCap, N.I.N.A., Dwarf, Seestar), and from the documents of
 //! INDI and SBFITSEXT.
 
+mod time;
+
 use crate::error::{FileError, ParseError};
-use crate::fits::{CardValue, Fits, Header, Image, Kind, Pixels};
+use crate::fits::{CardValue, Fits, Hdu, Header, Image, Kind, Pixels};
 use crate::frame::Bayer;
-use crate::photometry::{Scale, moment};
-use crate::time::{UtcDay, format_utc, parse_utc, tai_nanoseconds};
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use ndarray::{Array2, Ix2};
 use std::path::{Path, PathBuf};
 
@@ -57,6 +59,11 @@ impl FrameKind {
     pub fn from_words(words: &str) -> Option<Self> {
         let words = words.to_ascii_lowercase();
         let has = |word: &str| words.contains(word);
+        // `OBJECT zero-point field` is one of the sky.
+        let first = words.split(|c: char| !c.is_ascii_alphabetic()).find(|w| !w.is_empty());
+        if let Some("object" | "science") = first {
+            return Some(Self::Light);
+        }
         // A dark of flats is a dark.
         if has("dark") {
             return Some(Self::Dark);
@@ -157,21 +164,164 @@ pub struct ImageFrame {
     pub pixels: Array2<f32>,
 }
 
+/// Image of a file that holds several.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Extension {
+    /// The one with this EXTNAME, letter case aside.
+    Named(String),
+    /// The place among the file's parts; 0 is the first.
+    Number(usize),
+}
+
+impl Extension {
+    /// The extension of a text: digits are its place, all else its name.
+    ///
+    /// ```
+    /// use sunglint_formats::image_frame::Extension;
+    ///
+    /// assert_eq!(Extension::of("2"), Extension::Number(2));
+    /// assert_eq!(Extension::of("sci"), Extension::Named("sci".into()));
+    /// ```
+    pub fn of(text: &str) -> Self {
+        match text.trim().parse() {
+            Ok(number) => Self::Number(number),
+            Err(_) => Self::Named(text.trim().to_owned()),
+        }
+    }
+}
+
+/// Colours of the pixels, said by the user.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mosaic {
+    /// A monochrome camera, whatever the header says.
+    Monochrome,
+    /// A colour camera whose first 2 × 2 pixels have this pattern, whatever the header says.
+    Pattern(Bayer),
+}
+
+/// How a file of a frame is read.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ReadOptions {
+    /// Image of a file that holds several; `None` takes the usual one.
+    pub extension: Option<Extension>,
+    /// Colours of the pixels; `None` believes the header.
+    pub mosaic: Option<Mosaic>,
+    /// Whether a time that cannot be understood is a note and not an error.
+    pub without_time: bool,
+}
+
+/// Whether an image's name says that it is a mask, an uncertainty or a weight, not light.
+fn is_beside(name: &str) -> bool {
+    const BESIDE: [&str; 22] = [
+        "MASK",
+        "BPM",
+        "DQ",
+        "FLAGS",
+        "FLAG",
+        "QUALITY",
+        "ERR",
+        "ERROR",
+        "ERRORS",
+        "STDDEV",
+        "SIGMA",
+        "UNCERT",
+        "UNCERTAINTY",
+        "VAR",
+        "VARIANCE",
+        "IVAR",
+        "WHT",
+        "WEIGHT",
+        "WEIGHTS",
+        "EXPMAP",
+        "BACKGROUND",
+        "BKG",
+    ];
+    let upper = name.to_ascii_uppercase();
+    upper.split(|c: char| !c.is_ascii_alphabetic()).any(|word| BESIDE.contains(&word))
+}
+
+/// The index of the image to read, and a note where there were others.
+fn chosen(fits: &Fits, asked: Option<&Extension>) -> Result<(usize, Option<String>), ParseError> {
+    let path = fits.path();
+    let is_image = |hdu: &Hdu| matches!(hdu.kind(), Kind::Image | Kind::CompressedImage);
+    // Lists of numbers and images of a few cells stand before the frame in some files, or after tables.
+    let has_planes = |hdu: &Hdu| {
+        let axes = |stem: &str| {
+            let count = hdu.header().integer(stem).unwrap_or(0).clamp(0, 9);
+            (1..=count).filter(|i| hdu.header().integer(&format!("{stem}{i}")) > Some(1)).count()
+        };
+        axes(if hdu.kind() == Kind::Image { "NAXIS" } else { "ZNAXIS" }) >= 2
+    };
+    let all: Vec<usize> = (0..fits.hdus().len()).filter(|&i| is_image(&fits.hdus()[i])).collect();
+    let name = |i: usize| fits.hdus()[i].name().map(str::trim).filter(|n| !n.is_empty());
+    let shown = |i: usize| match name(i) {
+        Some(name) => format!("{i} ({})", crate::text::plain(name)),
+        None => i.to_string(),
+    };
+    if let Some(asked) = asked {
+        let found = all.iter().copied().find(|&i| match asked {
+            Extension::Number(number) => i == *number,
+            Extension::Named(asked) => name(i).is_some_and(|n| n.eq_ignore_ascii_case(asked)),
+        });
+        return found.map(|i| (i, None)).ok_or_else(|| {
+            let there: Vec<String> = all.iter().map(|&i| shown(i)).collect();
+            let wanted = match asked {
+                Extension::Number(number) => format!("an image as part {number}"),
+                Extension::Named(name) => format!("an image called {name}"),
+            };
+            ParseError::new(path, format!("images as parts {}", there.join(", ")), wanted)
+                .in_field("--extension")
+        });
+    }
+    let planes: Vec<usize> = all.iter().copied().filter(|&i| has_planes(&fits.hdus()[i])).collect();
+    let named = |word: &str| {
+        let is = |i: &usize| name(*i).is_some_and(|n| n.to_ascii_uppercase().starts_with(word));
+        planes.iter().copied().find(is)
+    };
+    let light = || planes.iter().copied().find(|&i| !name(i).is_some_and(is_beside));
+    let index = named("SCI").or_else(light).or(planes.first().copied()).or(all.first().copied());
+    let Some(index) = index else {
+        return Err(ParseError::new(path, "no image", "a FITS file with a frame"));
+    };
+    let note = (planes.len() > 1).then(|| {
+        let place = planes.iter().position(|&i| i == index).map_or(1, |p| p + 1);
+        let others: Vec<String> =
+            planes.iter().filter(|i| **i != index).map(|&i| shown(i)).collect();
+        format!(
+            "image {place} of {} in the file is read, part {}; --extension takes another: {}",
+            planes.len(),
+            shown(index),
+            others.join(", ")
+        )
+    });
+    Ok((index, note))
+}
+
 impl ImageFrame {
-    /// Reads the first image of a FITS file, packed with gzip or not.
+    /// Reads the image of a FITS file, packed with gzip or not.
     ///
     /// # Errors
     /// A file that cannot be read; no plane of pixels; a card that is there and makes no sense.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Ok(Self::from_fits(&Fits::read(path)?)?)
+        Self::read_as(path, &ReadOptions::default())
     }
 
-    /// The first image of a FITS file in memory.
+    /// Reads a FITS file as options say.
     ///
     /// # Errors
-    /// A [`ParseError`] with the keyword. A colour cube is refused by name.
+    /// The errors of [`read`](Self::read); an image that the options name and that is not there.
+    pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self, FileError> {
+        Ok(Self::of_fits(&Fits::read(path)?, options)?)
+    }
+
+    /// The image of a FITS file in memory.
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the keyword. A cube is refused by name.
     pub fn from_fits(fits: &Fits) -> Result<Self, ParseError> {
-        Self::with_time(fits, true)
+        Self::of_fits(fits, &ReadOptions::default())
     }
 
     /// Reads a file for a purpose to which the time does not matter: where the header's time cannot be understood, a note says why, and there is none.
@@ -179,20 +329,12 @@ impl ImageFrame {
     /// # Errors
     /// The errors of [`read`](Self::read), but for those of the time.
     pub fn read_whenever(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Ok(Self::with_time(&Fits::read(path)?, false)?)
+        Self::read_as(path, &ReadOptions { without_time: true, ..ReadOptions::default() })
     }
 
-    fn with_time(fits: &Fits, is_needed: bool) -> Result<Self, ParseError> {
+    fn of_fits(fits: &Fits, options: &ReadOptions) -> Result<Self, ParseError> {
         let path = fits.path();
-        // Lists of numbers and images of a few cells stand before the frame in some files, or after tables.
-        let planes = |hdu: &crate::fits::Hdu| {
-            fits.axes(hdu).is_ok_and(|axes| axes.iter().filter(|length| **length > 1).count() >= 2)
-        };
-        let frame = fits.hdus().iter().position(|hdu| hdu.kind() == Kind::Image && planes(hdu));
-        let index =
-            frame.or_else(|| fits.first(Kind::Image)).or_else(|| fits.first(Kind::CompressedImage));
-        let index =
-            index.ok_or_else(|| ParseError::new(path, "no image", "a FITS file with a frame"))?;
+        let (index, note) = chosen(fits, options.extension.as_ref())?;
         let is_packed = fits.hdus().get(index).is_some_and(|h| h.kind() == Kind::CompressedImage);
         let image = if is_packed { fits.compressed_image(index) } else { fits.image(index) };
         let Image { header, pixels } = image?;
@@ -210,7 +352,13 @@ impl ImageFrame {
         }
         let (pixels, full) = plane(path, pixels)?;
         let size = [pixels.ncols(), pixels.nrows()];
-        let mut header = FrameHeader::understood(path, cards, size, is_needed)?;
+        let mut header = FrameHeader::understood(path, cards, size, !options.without_time)?;
+        header.notes.extend(note);
+        match options.mosaic {
+            None => {}
+            Some(Mosaic::Monochrome) => header.bayer = None,
+            Some(Mosaic::Pattern(pattern)) => header.bayer = Some(pattern),
+        }
         header.saturation_adu = header.saturation_adu.or(full);
         let mut pixels = pixels;
         if header.pedestal_adu != 0.0 {
@@ -238,6 +386,11 @@ fn plane(path: &Path, pixels: Pixels) -> Result<(Array2<f32>, Option<f64>), Pars
         ([.., 3, _, _] | [_, _, 3], _) => {
             return Err(bad("a colour cube (three planes)".into())
                 .with_hint("write raw frames; debayered or stacked colours are no measurement"));
+        }
+        ([planes, _, _], _) => {
+            return Err(bad(format!("a cube of {planes} planes")).with_hint(
+                "write each plane into a file of its own with its own DATE-OBS and EXPTIME: docs/frames-of-others.md has the lines of Python for it",
+            ));
         }
         _ => return Err(bad(format!("{} axes of lengths {shape:?}", shape.len()))),
     };
@@ -393,155 +546,6 @@ impl Reading<'_> {
         Ok(number as u32)
     }
 
-    fn exposure(&mut self) -> Result<Option<f64>, ParseError> {
-        let first = self.number("EXPTIME", 0.0)?;
-        let second = self.number("EXPOSURE", 0.0)?;
-        if let (Some(a), Some(b)) = (first, second)
-            && (a - b).abs() > 1e-3 * a.max(b)
-        {
-            self.notes.push(format!("EXPTIME is {a} s and EXPOSURE {b} s; EXPTIME is taken"));
-        }
-        if first.or(second).is_some() {
-            return Ok(first.or(second));
-        }
-        if let Some(seconds) = self.number("EXP", 0.0)? {
-            return Ok(Some(seconds));
-        }
-        Ok(self.number("EXPOINUS", 0.0)?.map(|microseconds| microseconds * 1e-6))
-    }
-
-    fn scale(&self) -> Result<Scale, ParseError> {
-        let Some(name) = self.words("TIMESYS") else { return Ok(Scale::Utc) };
-        Ok(match name.to_ascii_uppercase().as_str() {
-            "UTC" => Scale::Utc,
-            "TAI" => Scale::Tai,
-            "TT" | "TDT" | "ET" => Scale::Tt,
-            "TDB" => Scale::Tdb,
-            _ => return Err(self.bad("TIMESYS", name, "UTC, TAI, TT or TDB")),
-        })
-    }
-
-    /// A date with its time of day from a card, and the step of the card, s; a date alone looks for the time beside it.
-    fn date(&self, keyword: &str, scale: Scale) -> Result<Option<(Epoch, f64)>, ParseError> {
-        let Some(mut text) = self.words(keyword) else { return Ok(None) };
-        if !text.contains(['T', 't', ' ', ':']) {
-            let beside = ["TIME-OBS", "UT", "UTSTART", "TIME"];
-            let Some(time) = beside.iter().find_map(|k| self.words(k)).filter(|t| t.contains(':'))
-            else {
-                let found = format!("{text}, a date without a time of day");
-                return Err(self
-                    .bad(keyword, found, "UTC as 2026-03-04T05:06:07.89")
-                    .with_hint("no TIME-OBS and no UT stands beside it"));
-            };
-            text = format!("{}T{time}", modern(&text).unwrap_or(text));
-        }
-        let decimals =
-            text.split_once('.').map_or(0, |(_, d)| d.trim_end_matches(['Z', 'z']).len());
-        if decimals > 9 {
-            text.truncate(text.len() - (decimals - 9));
-        }
-        let epoch = parse_utc(&text).map_err(|error| error.in_file(self.path).in_field(keyword))?;
-        let step = 10f64.powi(-(decimals.min(9) as i32));
-        let epoch = match scale {
-            Scale::Utc => Some(epoch),
-            // The same digits in another scale.
-            _ => UtcDay::containing(epoch).and_then(|day| {
-                let ns = tai_nanoseconds(epoch) - day.start_tai_ns;
-                moment(day.mjd, ns as f64 / 86_400e9, scale)
-            }),
-        };
-        let out = || self.bad(keyword, text.clone(), "a year from 1972 to 2100");
-        Ok(Some((epoch.ok_or_else(out)?, step)))
-    }
-
-    /// A Julian date from a card.
-    fn julian(&self, keyword: &str, zero: f64, scale: Scale) -> Result<Option<Epoch>, ParseError> {
-        let Some(value) = self.number(keyword, 0.0)? else { return Ok(None) };
-        let mjd = value - zero;
-        let epoch = moment(mjd.floor() as i64, mjd - mjd.floor(), scale);
-        epoch.map(Some).ok_or_else(|| {
-            self.bad(keyword, value.to_string(), "a Julian date of the years 1972 to 2100")
-        })
-    }
-
-    fn time(&mut self, exposure_s: Option<f64>) -> Result<Option<FrameTime>, ParseError> {
-        const JD_ZERO: f64 = 2_400_000.5;
-        const JULIAN_STEP_S: f64 = 1e-3;
-        let scale = self.scale()?;
-        let half = exposure_s.map(|s| 0.5 * s);
-        let start = if self.cards.get("DATE-BEG").is_some() { "DATE-BEG" } else { "DATE-OBS" };
-        let grabbed = self.cards.cards.iter().any(|card| {
-            card.keyword == start && card.comment.to_ascii_lowercase().contains("frame grabbed")
-        });
-        let mut found: Vec<(Epoch, String, f64)> = Vec::new();
-        if let Some((middle, step)) = self.date("DATE-AVG", scale)? {
-            found.push((middle, "DATE-AVG".into(), step));
-        }
-        if let Some(middle) = self.julian("MJD-AVG", 0.0, scale)? {
-            found.push((middle, "MJD-AVG".into(), JULIAN_STEP_S));
-        }
-        let begin = match self.date(start, scale) {
-            // A card that is no date is no reason to refuse where another tells.
-            Err(error)
-                if found.is_empty()
-                    && self.cards.get("MJD-OBS").is_none()
-                    && self.cards.get("JD").is_none() =>
-            {
-                return Err(error);
-            }
-            Err(error) => {
-                self.notes.push(format!("{start} is not read: found {}", error.found));
-                None
-            }
-            Ok(begin) => begin,
-        };
-        if let Some((time, step)) = begin {
-            let (sign, words) = if grabbed { (-1.0, "minus") } else { (1.0, "plus") };
-            if grabbed {
-                self.notes.push(format!(
-                    "{start} says \"Frame Grabbed\": it is taken as the end of the exposure"
-                ));
-            }
-            match half {
-                Some(half) => found.push((
-                    time + sign * half * Unit::Second,
-                    format!("{start} {words} half of the exposure"),
-                    step,
-                )),
-                None => found.push((time, format!("{start}; no exposure, so the start"), step)),
-            }
-        }
-        if let (Some((end, step)), Some(half)) = (self.date("DATE-END", scale)?, half) {
-            found.push((
-                end - half * Unit::Second,
-                "DATE-END minus half of the exposure".into(),
-                step,
-            ));
-        }
-        for (keyword, zero) in [("MJD-OBS", 0.0), ("MJD-BEG", 0.0), ("JD", JD_ZERO)] {
-            if let (Some(time), Some(half)) = (self.julian(keyword, zero, scale)?, half) {
-                let sign = if grabbed { -1.0 } else { 1.0 };
-                let source = format!("{keyword} and half of the exposure");
-                found.push((time + sign * half * Unit::Second, source, JULIAN_STEP_S));
-            }
-        }
-        let Some((middle, source, step_s)) = found.first().cloned() else { return Ok(None) };
-        for (other, name, step) in &found[1..] {
-            let apart = (*other - middle).to_seconds();
-            if apart.abs() > (1e-3_f64).max(1.01 * step.max(step_s)) {
-                self.notes.push(format!(
-                    "{source} gives {}, {name} {apart:+.4} s from it; the first is taken",
-                    format_utc(middle, 3)
-                ));
-            }
-        }
-        if step_s >= 1.0 {
-            self.notes
-                .push(format!("{source}: whole seconds only, the time may be up to 1 s late"));
-        }
-        Ok(Some(FrameTime { middle, source, step_s }))
-    }
-
     /// Kind of frame: by the header, else by the names of file and folder.
     fn kind(&mut self) -> Option<FrameKind> {
         let said = ["IMAGETYP", "FRAME", "OBSTYPE", "IMGTYPE", "FRAMETYP"]
@@ -562,9 +566,10 @@ impl Reading<'_> {
             let words = name.split(|c: char| !c.is_ascii_alphabetic());
             let whole = words.filter(|w| {
                 let w = w.to_ascii_lowercase();
+                // `bias` ends in s, and is no plural.
                 ["dark", "flat", "bias", "light"]
                     .iter()
-                    .any(|k| w.strip_suffix('s').unwrap_or(&w) == *k)
+                    .any(|k| w == *k || w.strip_suffix('s') == Some(k))
             });
             if let Some(kind) = whole.filter_map(FrameKind::from_words).next() {
                 self.notes.push(format!("no IMAGETYP: a {} by the name {name}", kind.name()));
@@ -637,8 +642,9 @@ impl Reading<'_> {
     }
 
     fn stacked(&mut self) -> u32 {
-        let count =
-            ["STACKCNT", "NCOMBINE", "SNAPSHOT"].into_iter().find_map(|k| self.cards.real(k));
+        let count = ["STACKCNT", "NCOMBINE", "SNAPSHOT", "COADDS"]
+            .into_iter()
+            .find_map(|k| self.cards.real(k));
         let count = count.filter(|n| *n >= 1.0 && *n < 1e9).map_or(1, |n| n as u32);
         if count > 1 {
             self.notes
@@ -718,14 +724,6 @@ impl Reading<'_> {
     }
 }
 
-/// A date of the form `31/12/99`, which the standard used for the years 1972 to 1999, in today's.
-fn modern(date: &str) -> Option<String> {
-    let mut parts = date.split('/');
-    let [day, month, year] = [parts.next()?, parts.next()?, parts.next()?];
-    let year: u32 = year.parse().ok().filter(|y| (72..100).contains(y))?;
-    Some(format!("19{year}-{month:0>2}-{day:0>2}"))
-}
-
 /// Degrees of a text as `-31 16 24`, `51:03:00.0`, `+03d41m00s` or `12.5`.
 ///
 /// ```
@@ -758,6 +756,7 @@ pub fn sexagesimal(text: &str) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::fits::Writer;
+    use crate::time::format_utc;
     use ndarray::{ArrayD, IxDyn};
 
     fn header(cards: &str, path: &str) -> FrameHeader {
@@ -900,13 +899,114 @@ mod tests {
         assert!(error.to_string().contains("a date without a time of day"), "{error}");
         let error =
             try_header("TIMESYS = 'LOCAL'\nDATE-OBS= '2024-01-01T00:00:00'", "d.fits").unwrap_err();
-        assert_eq!(error.to_string(), "d.fits: TIMESYS: found LOCAL, expected UTC, TAI, TT or TDB");
+        assert_eq!(
+            error.to_string(),
+            "d.fits: TIMESYS: found LOCAL, expected UTC, UT, UT1, TAI, TT, TDB or GPS"
+        );
         assert_eq!(header("EXPTIME = 1", "none.fits").time, None);
         let stack = header("EXPTIME = 10\nSTACKCNT= 187\nTOTALEXP= 1870", "Seestar.fit");
         assert_eq!(stack.stacked, 187);
         let named = header("EXPTIME = 10", "night/darks/0001.fits");
         assert_eq!(named.kind, Some(FrameKind::Dark));
         assert_eq!(header("EXPTIME = 10", "darkness/flatiron_1.fits").kind, None);
+    }
+
+    /// Headers in the ways of NOAO, ESO, EMCCD programs and old files (synthetic). Truth: by hand, 2024-03-05T18:00:00 and 2 s of exposure, so that the middle is at 18:00:01.
+    #[test]
+    fn times_of_other_observatories_are_read() {
+        let at = |cards: &str| {
+            let cards = format!("EXPTIME = 2.0\n{cards}");
+            try_header(&cards, "x.fits").map(|h| (middle(&h), h.notes.join("; ")))
+        };
+        let date = "DATE-OBS= '2024-03-05'";
+        let whole = "DATE-OBS= '2024-03-05T18:00:00.000'";
+        for cards in [
+            format!("{whole}\nTIMESYS = 'UT'"),
+            format!("{whole}\nTIMESYS = 'UTC approximate'"),
+            format!("{whole}\nTIMESYS = 'UTC(GPS)'"),
+            "DATE-OBS= '2024-03-05T18:00:18.000'\nTIMESYS = 'GPS'".into(),
+            format!("{date}\nUTC-OBS = '18:00:00.000'"),
+            format!("{date}\nUTC     = '18:00:00.000'"),
+            format!("{date}\nTIME-BEG= '18:00:00.000'"),
+            format!("{date}\nUT      = 18.0"),
+            format!("{date}\nUTC     = 64800.0 / [s] 18:00:00.000 UTC"),
+            "JD-OBS  = 2460375.25".into(),
+            "MJD-MID = 60374.750011574074".into(),
+            "DATE-MID= '2024-03-05T18:00:01.000'".into(),
+            "DATE-OBS= '2024-03-05T18:00:00.000+00:00'".into(),
+            "DATE-OBS= '2024-03-05T20:00:00.000+02:00'".into(),
+            "DATE-OBS= '2024-03-05T13:30:00.000-0430'".into(),
+            "DATE-OBS= '2024/03/05T18:00:00.000'".into(),
+            "DATE-OBS= '2024-03-05T18:00:02.000' / end of exposure (UTC)".into(),
+            "DATE-OBS= '2024-03-05T18:00:01.000' / UTC mid-exposure".into(),
+        ] {
+            let (found, notes) = at(&cards).unwrap();
+            assert_eq!(found, "2024-03-05T18:00:01.0000Z", "{cards}: {notes}");
+        }
+        assert!(at(&format!("{whole}\nTIMESYS = 'UTC approximate'")).unwrap().1.contains("vouch"));
+        assert!(at(&format!("{whole}\nTIMESYS = 'UT1'")).unwrap().1.contains("0.9 s"));
+        for (cards, words) in [
+            ("DATE-OBS= '2024-03-05T19:00:00' / local time of observation", "local time"),
+            ("DATE-OBS= '05/03/2024T18:00:00'", "05/03/2024"),
+            ("DATE-OBS= '2024-03-05'\nUT      = 64800.0", "names the unit"),
+            ("DATE-OBS= '2024-03-05T18:00:00+02:00'\nTIMESYS = 'TT'", "offset"),
+        ] {
+            let error = at(cards).unwrap_err().to_string();
+            assert!(error.contains(words), "{cards}: {error}");
+        }
+    }
+
+    /// Truth: by hand.
+    #[test]
+    fn exposures_have_units() {
+        let seconds = |cards: &str| try_header(cards, "x.fits").map(|h| h.exposure_s);
+        assert_eq!(seconds("EXPTIME = 2000 / [ms] exposure").unwrap(), Some(2.0));
+        assert_eq!(seconds("EXPTIME = 2000 / exposure in milliseconds").unwrap(), Some(2.0));
+        assert_eq!(seconds("EXPTIME = '2.0 s'").unwrap(), Some(2.0));
+        assert_eq!(seconds("EXPTIME = '2000 ms'").unwrap(), Some(2.0));
+        assert_eq!(seconds("EXPTIME = '2.0E+00'").unwrap(), Some(2.0));
+        assert_eq!(seconds("ITIME   = 2.0").unwrap(), Some(2.0));
+        assert_eq!(seconds("EXPTIME = 3.0 / [sec] Duration of exposure").unwrap(), Some(3.0));
+        let error = seconds("EXPTIME = '2 moments'").unwrap_err().to_string();
+        assert!(error.contains("`2000 ms`"), "{error}");
+        let noted = header("EXPTIME = 2000 / [ms] exposure", "x.fits");
+        assert!(noted.notes[0].contains("0.001 s"), "{:?}", noted.notes);
+    }
+
+    /// A file with a mask before its image, and one with two chips. Truth: the values that were put in.
+    #[test]
+    fn the_image_of_several_is_the_light() {
+        let image = |name: &str, value: u16, side: usize| {
+            let pixels = Pixels::U16(ArrayD::from_elem(IxDyn(&[side, side]), value));
+            let mut image = Image { header: Header::default(), pixels };
+            image.header.set("EXTNAME", name, "");
+            image
+        };
+        let read = |images: &[Image], extension: Option<&str>| {
+            let mut writer = Writer::new();
+            for image in images {
+                writer.image(image).unwrap();
+            }
+            let fits = Fits::from_bytes("m.fits", writer.into_bytes()).unwrap();
+            let extension = extension.map(Extension::of);
+            ImageFrame::of_fits(&fits, &ReadOptions { extension, ..ReadOptions::default() })
+        };
+        let masked = [image("MASK", 0, 5), image("ERR", 1, 5), image("SCI", 7, 5)];
+        let frame = read(&masked, None).unwrap();
+        assert_eq!(frame.pixels[[0, 0]], 7.0);
+        assert!(
+            frame.header.notes.iter().any(|n| n.starts_with("image 3 of 3")),
+            "{:?}",
+            frame.header.notes
+        );
+        let chips = [image("DQ", 0, 5), image("CHIP1", 1, 5), image("CHIP2", 2, 5)];
+        assert_eq!(read(&chips, None).unwrap().pixels[[0, 0]], 1.0);
+        assert_eq!(read(&chips, Some("chip2")).unwrap().pixels[[0, 0]], 2.0);
+        assert_eq!(read(&chips, Some("2")).unwrap().pixels[[0, 0]], 2.0);
+        let error = read(&chips, Some("CHIP3")).unwrap_err().to_string();
+        assert!(error.contains("1 (CHIP1)") && error.contains("called CHIP3"), "{error}");
+        let alone = read(&chips[1..2], None).unwrap();
+        assert!(alone.header.notes.is_empty(), "{:?}", alone.header.notes);
     }
 
     #[test]

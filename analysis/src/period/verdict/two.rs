@@ -1,0 +1,221 @@
+//! Two periods at once: a body that tumbles, or the light of two bodies.
+//!
+//! Light with two frequencies that have no common period has no period. A search for one finds a long one, of which both are nearly parts, with many harmonics. So where many harmonics stand out, the light is fitted by a lattice of two
+//! free frequencies: f₁, f₂, twice each, their sum, their difference, 2f₁ − f₂ and 2f₂ − f₁. If that leaves clearly less than the harmonics do, with fewer unknowns, the light has two periods. Two
+//! frequencies that are harmonics of one with four turns in the data are none.
+
+use super::super::fit::fit;
+use super::super::lines::MOST as MOST_HARMONICS;
+use super::super::significance::joint_gain;
+use super::super::sums::turns;
+use super::super::{lomb_scargle, spectrum::median_step};
+use super::outcome::Estimate;
+use super::search::Search;
+use crate::series::Series;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use std::f64::consts::TAU;
+
+/// Places of the lattice: multiples of the first and the second frequency.
+const LATTICE: [(f64, f64); 8] = [
+    (1.0, 0.0),
+    (0.0, 1.0),
+    (2.0, 0.0),
+    (0.0, 2.0),
+    (1.0, 1.0),
+    (1.0, -1.0),
+    (2.0, -1.0),
+    (-1.0, 2.0),
+];
+/// Fewer harmonics are no sign of two periods: the lattice has as many unknowns as eight.
+const LEAST_HARMONICS: usize = 9;
+/// Samples in all at most: more are not asked.
+const MOST_SAMPLES: usize = 20_000;
+/// Lines that are taken out one after the other, and pairs of them that are fitted.
+const LINES: usize = 4;
+/// Share of what the harmonics leave that the lattice may leave at most.
+const LEAVES: f64 = 0.8;
+/// Turns of a common period from which on it is one.
+const COMMON_TURNS: f64 = 4.0;
+/// Turns over the span by which each of two frequencies may miss a harmonic of a common one.
+const COMMON: f64 = 0.05;
+/// Turns of the slower of the two at least.
+const LEAST_TURNS: f64 = 3.0;
+
+/// The share of the weighted variance of a series that the lattice explains; `None` where its terms cannot be told apart.
+fn share(series: &Series, first_hz: f64, second_hz: f64) -> Option<f64> {
+    let columns = 2 * LATTICE.len() + 1;
+    if series.len() <= 2 * columns {
+        return None;
+    }
+    let middle = series.time_s[0] + 0.5 * series.span_s();
+    let mean = series.mean();
+    let (mut normal, mut right) =
+        (DMatrix::<f64>::zeros(columns, columns), DVector::<f64>::zeros(columns));
+    let mut row = DVector::<f64>::zeros(columns);
+    let mut variation = 0.0;
+    for i in 0..series.len() {
+        let t = series.time_s[i] - middle;
+        let [(s1, c1), (s2, c2)] = [first_hz, second_hz].map(|f| (TAU * turns(f, t)).sin_cos());
+        let (first, second) = ([c1, s1], [c2, s2]);
+        let times =
+            |a: [f64; 2], b: [f64; 2]| [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
+        let back = |a: [f64; 2]| [a[0], -a[1]];
+        let (twice_first, twice_second) = (times(first, first), times(second, second));
+        let all = [
+            first,
+            second,
+            twice_first,
+            twice_second,
+            times(first, second),
+            times(first, back(second)),
+            times(twice_first, back(second)),
+            times(back(first), twice_second),
+        ];
+        row[0] = 1.0;
+        for (k, [c, s]) in all.into_iter().enumerate() {
+            row[2 * k + 1] = c;
+            row[2 * k + 2] = s;
+        }
+        let (w, y) = (series.weight[i], series.value[i] - mean);
+        normal.syger(w, &row, &row, 1.0);
+        right.axpy(w * y, &row, 1.0);
+        variation += w * y * y;
+    }
+    normal.fill_upper_triangle_with_lower_triangle();
+    let ridge = 1e-10 * normal.diagonal().max();
+    for k in 0..columns {
+        normal[(k, k)] += ridge;
+    }
+    let solution = Cholesky::new(normal)?.solve(&right);
+    (variation > 0.0).then(|| (right.dot(&solution) / variation).clamp(0.0, 1.0))
+}
+
+/// Whether two frequencies are harmonics of one that turns often enough in a span.
+fn is_common(first_hz: f64, second_hz: f64, span_s: f64) -> bool {
+    let most = MOST_HARMONICS as u32;
+    (1..=most).any(|p| {
+        (1..=most).any(|q| {
+            let base = 0.5 * (first_hz / f64::from(p) + second_hz / f64::from(q));
+            let miss = (first_hz * f64::from(q) - second_hz * f64::from(p)).abs();
+            miss * span_s < COMMON * f64::from(p + q) && base * span_s >= COMMON_TURNS
+        })
+    })
+}
+
+impl Search<'_> {
+    fn gain_of_two(&self, first_hz: f64, second_hz: f64) -> Option<f64> {
+        let mut sum = 0.0;
+        for s in self.series {
+            sum += joint_gain(share(s, first_hz, second_hz)?, s.len(), LATTICE.len());
+        }
+        Some(sum)
+    }
+
+    /// The strongest lines, each taken out before the next is looked for.
+    fn strongest_lines(&self) -> Option<Vec<f64>> {
+        let grid = self.range.grid(1)?;
+        let mut left: Vec<Series> = self.series.iter().map(|s| (*s).clone()).collect();
+        let mut lines = Vec::new();
+        for _ in 0..LINES {
+            let mut joint = vec![0.0; grid.n];
+            for s in &left {
+                let power = lomb_scargle(s, &grid, 1).ok()?;
+                joint.iter_mut().zip(power).for_each(|(j, p)| *j += joint_gain(p, s.len(), 1));
+            }
+            let highest = joint.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?.0;
+            let f = grid.frequency_hz(highest);
+            lines.push(f);
+            for s in &mut left {
+                let line = fit(s, f, 1).ok()?;
+                let model: Vec<f64> = s.time_s.iter().map(|t| line.at(*t)).collect();
+                s.value.iter_mut().zip(model).for_each(|(v, m)| *v -= m);
+            }
+        }
+        Some(lines)
+    }
+
+    /// Two periods that explain the light better than `harmonics` of `base` do; the one with more light first.
+    pub fn two_periods(&self, base: f64, harmonics: usize) -> Option<(Estimate, Estimate)> {
+        if harmonics < LEAST_HARMONICS || self.samples() > MOST_SAMPLES {
+            return None;
+        }
+        let single = self.gain(base, harmonics);
+        let lines = self.strongest_lines()?;
+        let resolution = 1.0 / self.range.span_s;
+        let mut pairs: Vec<(f64, f64, f64)> = Vec::new();
+        for (k, a) in lines.iter().enumerate() {
+            for b in &lines[k + 1..] {
+                if (a - b).abs() > resolution {
+                    pairs.push((self.gain_of_two(*a, *b)?, *a, *b));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best: Option<(f64, f64, f64)> = None;
+        for (gain, a, b) in pairs.into_iter().take(3) {
+            let (mut at, mut pair) = (gain, [a, b]);
+            // Uphill by halves of ever smaller steps.
+            let mut step = 0.25 * resolution;
+            while step > 1e-3 * resolution {
+                let mut moved = false;
+                for (k, by) in [(0, step), (0, -step), (1, step), (1, -step)] {
+                    let mut next = pair;
+                    next[k] += by;
+                    if let Some(found) = self.gain_of_two(next[0], next[1]).filter(|g| *g > at) {
+                        (at, pair, moved) = (found, next, true);
+                    }
+                }
+                if !moved {
+                    step *= 0.5;
+                }
+            }
+            if best.is_none_or(|(highest, ..)| at > highest) {
+                best = Some((at, pair[0], pair[1]));
+            }
+        }
+        let (gain, first, second) = best?;
+        let slowest = first.min(second);
+        let fastest_s =
+            self.series.iter().filter_map(|s| median_step(s)).fold(f64::INFINITY, f64::min);
+        let better = -LEAVES.ln() * self.samples() as f64;
+        if gain < single + better
+            || slowest * self.range.span_s < LEAST_TURNS
+            || slowest <= 0.0
+            || 2.0 * fastest_s * first.max(second) > 1.0
+            || is_common(first, second, self.range.span_s)
+        {
+            return None;
+        }
+        let estimate = |k: usize| {
+            let h = 0.05 * resolution;
+            let at = |by: f64| {
+                let mut pair = [first, second];
+                pair[k] += by;
+                self.gain_of_two(pair[0], pair[1])
+            };
+            let curvature = (2.0 * gain - at(h)? - at(-h)?) / (h * h);
+            let f = [first, second][k];
+            Some(Estimate { period_s: 1.0 / f, sigma_s: (2.0 / curvature).sqrt() / (f * f) })
+        };
+        let (one, other) = (estimate(0)?, estimate(1)?);
+        // The same lattice has many pairs that span it: the one with most light is told.
+        let sigma_hz = |e: Estimate| e.sigma_s / (e.period_s * e.period_s);
+        let mut terms: Vec<(f64, (f64, f64), Estimate)> = LATTICE
+            .iter()
+            .filter(|(i, j)| *i != 2.0 || *j != 0.0)
+            .filter(|(i, j)| *i != 0.0 || *j != 2.0)
+            .map(|(i, j)| {
+                let f = (i * first + j * second).abs();
+                let sigma = (i * sigma_hz(one)).hypot(j * sigma_hz(other));
+                let estimate = Estimate { period_s: 1.0 / f, sigma_s: sigma / (f * f) };
+                let gain = if f * self.range.span_s > 1.0 { self.gain(f, 1) } else { 0.0 };
+                (gain, (*i, *j), estimate)
+            })
+            .collect();
+        terms.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (_, strongest, told) = *terms.first()?;
+        let spans = |(i, j): (f64, f64)| (strongest.0 * j - strongest.1 * i).abs() == 1.0;
+        let (_, _, beside) = *terms.iter().find(|(_, term, _)| spans(*term))?;
+        Some((told, beside))
+    }
+}
