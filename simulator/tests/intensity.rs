@@ -152,6 +152,14 @@ fn a_table_of_aspects() {
     assert_eq!(all.len(), 2);
     assert_eq!((all[0].observer, all[0].sun, all[0].range_m), (DVec3::Z, DVec3::X, Some(8e5)));
     assert_eq!((all[1].observer, all[1].sun_distance_au, all[1].earth), (DVec3::Y, 1.0, None));
+    // What need not be there may be empty.
+    let text = "sun_x,sun_y,sun_z,observer_x,observer_y,observer_z,range_km,earth_x,earth_y,earth_z,height_km\n1,0,0,0,1,0,,,,,\n1,0,0,0,1,0,2,0,0,1,500\n";
+    let all: Vec<Aspect> = rows(text).unwrap().map(Result::unwrap).collect();
+    assert_eq!((all[0].range_m, all[0].earth), (None, None));
+    assert_eq!((all[1].range_m, all[1].earth), (Some(2e3), Some((DVec3::Z, 5e5))));
+    let text = "sun_x,sun_y,sun_z,observer_x,observer_y,observer_z,earth_x,earth_y,earth_z,height_km\n1,0,0,0,1,0,0,0,1,\n";
+    let error = rows(text).unwrap().next().unwrap().unwrap_err().to_string();
+    assert!(error.contains("height_km") && error.contains("t.csv:2"), "{error}");
     for (text, part) in [
         ("", "no line"),
         ("sun_x,sun_y\n", "no column `sun_z`"),
@@ -164,9 +172,36 @@ fn a_table_of_aspects() {
     for (text, part) in [
         ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3\n", "3 fields"),
         ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3,4,x,6\n", "observer_y"),
+        ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3,4,,6\n", "observer_y"),
         ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3,4,nan,6\n", "t.csv:2"),
     ] {
         let error = rows(text).unwrap().next().unwrap().unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
+    }
+}
+
+/// Truth: by hand: 1 m from the middle of a sphere of 1.3 m, and within a box of 1 m, an observer is inside, and there is no light to give; beside them he is not, also in the corner between a ball about the box and the box.
+#[test]
+fn an_observer_inside_the_body_is_refused() {
+    let sphere = SPHERE.replace("0.5", "1.3");
+    let cube = SPHERE.replace("sphere\"\nradius_m = 0.5", "box\"\nsize_m = [1, 1, 1]");
+    for (text, place, inside) in [
+        (&sphere, DVec3::X, true),
+        (&sphere, 1.31 * DVec3::X, false),
+        (&cube, 0.49 * DVec3::Y, true),
+        (&cube, DVec3::splat(0.49), true),
+        (&cube, 0.51 * DVec3::Y, false),
+        (&cube, DVec3::new(0.51, 0.45, 0.45), false),
+    ] {
+        let target = Target::parse(Path::new("s.toml"), text.as_str()).unwrap();
+        let aspect = Aspect { range_m: Some(place.length()), ..Aspect::new(DVec3::X, place) };
+        let light = prepared(&target, direct(), &[aspect]).worker().light(&aspect);
+        match inside {
+            true => {
+                let error = light.unwrap_err().to_string();
+                assert!(error.contains("outside of the body"), "{error}");
+            }
+            false => assert!(light.is_ok(), "{place}: {light:?}"),
+        }
     }
 }

@@ -10,7 +10,7 @@ mod pool;
 
 pub use pool::{Held, IntensityPool};
 
-use crate::light::engine::{self, Switches};
+use crate::light::engine::{self, Aspects, Switches};
 use crate::light::{
     Course, DirectionError, EarthAlbedo, Engine, Globe, Lighting, Need, Options, SceneError,
     Source, Term, View,
@@ -111,7 +111,7 @@ impl Aspect {
 }
 
 /// Common properties of many aspects, which decide which effects are modelled.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Span {
     course: Course,
 }
@@ -129,6 +129,7 @@ impl Default for Span {
             penumbra: 0,
             umbra: 0,
             shadow: false,
+            aspects: Aspects::default(),
         };
         Self { course }
     }
@@ -147,6 +148,8 @@ impl Span {
         course.range_m = course.range_m.min(aspect.range_m.unwrap_or(f64::INFINITY));
         course.sun_radius_rad = course.sun_radius_rad.max(aspect.sun_radius_rad());
         course.phase_rad = course.phase_rad.max(aspect.sun.angle_between(aspect.observer));
+        let (sun, observer) = (aspect.sun.normalize_or_zero(), aspect.observer.normalize_or_zero());
+        course.aspects.add(sun, observer);
         if let (Some(_), Some(earth)) = (aspect.earth, aspect.lighting().earth) {
             let (least, most) = course.radius_m;
             course.radius_m = (least.min(earth.distance_m), most.max(earth.distance_m));
@@ -167,6 +170,7 @@ impl Span {
         let (least, most) = own.radius_m;
         own.radius_m = (least.min(course.radius_m.0), most.max(course.radius_m.1));
         own.earthshine = own.earthshine.max(course.earthshine);
+        own.aspects.join(&course.aspects);
     }
 
     /// Aspects so far.
@@ -295,7 +299,7 @@ pub struct Intensity {
     pub phase_deg: f64,
     /// The largest stated error over the wavelengths, relative; none without light.
     pub stated_relative: Option<f64>,
-    /// Whether that is within the tolerance.
+    /// Whether that is within the tolerance. Where there is no light at a wavelength no error is within it, unless it is nothing: 1e-9 sr⁻¹ of the body's area.
     pub met: bool,
     /// Which light has most of the stated error, where that is more than the tolerance.
     pub limited_by: Option<&'static str>,
@@ -405,6 +409,9 @@ pub struct IntensityWorker<'a> {
     errors: Vec<f64>,
 }
 
+/// Error of light that is not there, sr⁻¹ of the body's area, that is none: 3e-9 of white paint.
+const NOTHING: f64 = 1e-9;
+
 fn phase_deg(aspect: &Aspect) -> f64 {
     aspect.sun.angle_between(aspect.observer).to_degrees()
 }
@@ -414,7 +421,7 @@ fn phase_deg(aspect: &Aspect) -> f64 {
 pub struct Lit {
     /// The phase angle, degrees.
     pub phase_deg: f64,
-    /// Whether the largest stated error over the wavelengths is within the tolerance.
+    /// Whether the largest stated error over the wavelengths is within the tolerance ([`Intensity::met`]).
     pub met: bool,
 }
 
@@ -422,6 +429,14 @@ impl IntensityWorker<'_> {
     /// Finds the weights of all terms and their errors.
     fn weigh(&mut self, aspect: &Aspect, lighting: &Lighting) -> Result<(), IntensityError> {
         aspect.check()?;
+        if let View::At(place) = lighting.view
+            && place.length() < self.all.engine.body().size_m
+            && self.all.engine.scene().encloses(place)
+        {
+            let value = place.length();
+            let (what, expected) = ("the observer's distance, m,", "a place outside of the body");
+            return Err(IntensityError::Value { what, value, expected });
+        }
         self.worker.light(lighting, &mut self.weights, &mut self.errors)?;
         Ok(())
     }
@@ -433,6 +448,14 @@ impl IntensityWorker<'_> {
         let light = (0..all.engine.lit_terms()).map(|k| tau(k) * self.weights[k]).sum();
         let error = (0..all.engine.terms().len()).map(|k| tau(k).abs() * self.errors[k]).sum();
         (light, error)
+    }
+
+    /// Whether the error of some light is as small as was asked for.
+    fn is_met(&self, light: f64, error: f64) -> bool {
+        match light > 0.0 {
+            true => error / light <= self.all.options.tolerance,
+            false => error <= NOTHING * self.all.engine.body().area_m2(),
+        }
     }
 
     /// The same light as [`IntensityWorker::light`], written to two rows of one number for each wavelength: over the Sun's irradiance, m² sr⁻¹, and its stated
@@ -456,9 +479,7 @@ impl IntensityWorker<'_> {
         let mut met = true;
         for (s, (light, error)) in light.iter_mut().zip(error).enumerate() {
             (*light, *error) = self.sums(s);
-            // As `light` judges: without light there is no relative error.
-            let is_lit = *light > 0.0;
-            met &= !is_lit || *error / *light <= self.all.options.tolerance;
+            met &= self.is_met(*light, *error);
         }
         Ok(Lit { phase_deg: phase_deg(aspect), met })
     }
@@ -497,7 +518,7 @@ impl IntensityWorker<'_> {
             error[row] += tau.abs() * self.errors[k];
         }
         let (sum, doubt) = self.sums(wavelength);
-        let met = sum <= 0.0 || doubt / sum <= all.options.tolerance;
+        let met = self.is_met(sum, doubt);
         Ok(Lit { phase_deg: phase_deg(aspect), met })
     }
 
@@ -519,15 +540,20 @@ impl IntensityWorker<'_> {
             }
         };
         let light: Vec<At> = (0..count).map(at).collect();
+        let fails = |at: &&At| !self.is_met(at.per_irradiance_m2_per_sr, at.error_m2_per_sr);
+        let met = light.iter().find(fails).is_none();
         let Self { all, weights, errors, .. } = self;
         let terms = all.engine.terms();
         let tau = |k: usize, s: usize| all.tau[k * count + s];
         let lit = all.engine.lit_terms();
-        let share = |at: &At| at.error_m2_per_sr / at.per_irradiance_m2_per_sr;
-        let lit_up = light.iter().enumerate().filter(|(_, at)| at.per_irradiance_m2_per_sr > 0.0);
-        let worst = lit_up.max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
-        let stated_relative = worst.map(|(_, at)| share(at));
-        let met = stated_relative.is_none_or(|stated| stated <= all.options.tolerance);
+        // Without any light it is above all.
+        let share = |at: &At| match at.error_m2_per_sr {
+            0.0 => 0.0,
+            error => error / at.per_irradiance_m2_per_sr.max(0.0),
+        };
+        let lit_up = light.iter().filter(|at| at.per_irradiance_m2_per_sr > 0.0);
+        let stated_relative = lit_up.map(share).reduce(f64::max);
+        let worst = light.iter().enumerate().max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
         let limited_by = worst.filter(|_| !met).and_then(|(s, _)| {
             let mut of: Vec<(Source, f64)> = Vec::new();
             for (k, term) in terms.iter().enumerate() {

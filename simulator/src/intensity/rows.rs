@@ -1,6 +1,7 @@
 //! Tables of aspects, read row by row: comma-separated values with the names in the first line and notes after `#`.
 //!
-//! `sun_x, sun_y, sun_z, observer_x, observer_y, observer_z` must be there; `range_km`, `sun_distance_au`, and `earth_x, earth_y, earth_z, height_km` may.
+//! `sun_x, sun_y, sun_z, observer_x, observer_y, observer_z` must be there; `range_km`, `sun_distance_au`, and `earth_x, earth_y, earth_z, height_km` may. A row may
+//! leave those empty: it then has a far observer, the Sun at 1 au, no Earth (all four of the Earth's or none).
 
 use super::Aspect;
 use glam::DVec3;
@@ -113,6 +114,10 @@ impl<R: BufRead> Rows<R> {
         for (k, field) in self.text.split(',').map(str::trim).enumerate() {
             count += 1;
             let Some(&number) = self.fields.get(k) else { continue };
+            // What need not be there may be empty.
+            if field.is_empty() && number >= NEEDED {
+                continue;
+            }
             let value = field.parse::<f64>().ok().filter(|v| v.is_finite());
             numbers[number] = value.ok_or_else(|| {
                 let error = ParseError::new(&self.path, format!("`{field}`"), "a number");
@@ -125,6 +130,12 @@ impl<R: BufRead> Rows<R> {
             return Err(ParseError::new(&self.path, found, expected).at_line(self.line).into());
         }
         let given = |k: usize| (!numbers[k].is_nan()).then_some(numbers[k]);
+        let earth = EARTH.filter(|k| given(*k).is_some()).count();
+        if let Some(k) = EARTH.clone().find(|k| earth > 0 && given(*k).is_none()) {
+            let expected = "a number, or none of earth_x, earth_y, earth_z and height_km";
+            let error = ParseError::new(&self.path, "nothing", expected);
+            return Err(error.at_line(self.line).in_field(NAMES[k]).into());
+        }
         let three = |k: usize| DVec3::new(numbers[k], numbers[k + 1], numbers[k + 2]);
         Ok(Some(Aspect {
             sun: three(0),

@@ -9,6 +9,8 @@ use super::large::{Large, Sampling};
 use super::occlude::Occluder;
 use crate::surface::Material;
 use crate::target::{Hinge, Target};
+use glam::DVec3;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 /// A target prepared for the light engine: facets, what may hide them, and where each material's weights stand.
@@ -301,6 +303,29 @@ impl Scene {
         }
     }
 
+    /// Whether a place, body axes, lies within a sphere or a closed surface that stands still in the body: one that is seen all around it.
+    pub(crate) fn encloses(&self, place: DVec3) -> bool {
+        let now = &self.geometry;
+        let mut balls = self.rounds.iter().zip(&now.place).filter(|(round, _)| round.group == 0);
+        let ball = balls.any(|(round, at)| {
+            round.sphere.is_some_and(|radius| at.point(round.middle).distance(place) < radius)
+        });
+        let mut around = std::collections::BTreeMap::<u32, f64>::new();
+        for (i, facet) in self.facets.iter().enumerate().filter(|(_, f)| f.group == 0) {
+            let outline = self.outlines.get(i);
+            let corner = |p: &clip::P2| {
+                now.origin[i] + p[0] * now.tangent[i] + p[1] * now.bitangent[i] - place
+            };
+            let Some((first, rest)) = outline.split_first() else { continue };
+            let sum: f64 = rest
+                .windows(2)
+                .map(|two| solid_angle([corner(first), corner(&two[0]), corner(&two[1])]))
+                .sum();
+            *around.entry(facet.component).or_default() += sum;
+        }
+        ball || around.values().any(|all| *all > 0.99 * 4.0 * PI)
+    }
+
     /// Room to evaluate in: one for each thread.
     pub fn evaluator(&self) -> Evaluator<'_> {
         Evaluator::new(self)
@@ -339,4 +364,11 @@ impl Scene {
     pub fn report(&self) -> &SceneReport {
         &self.report
     }
+}
+
+/// The solid angle of a triangle as seen from the origin, positive from behind its normal (Van Oosterom and Strackee 1983).
+fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
+    let (x, y, z) = (a.length(), b.length(), c.length());
+    let below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
+    2.0 * a.dot(b.cross(c)).atan2(below)
 }

@@ -49,6 +49,16 @@ impl Totals<'_> {
             pass.station.name
         ));
         }
+        if let Some(worst) = self.smeared() {
+            let samples = self.samples;
+            concerns.push(format!(
+            "in {} of {samples} samples the light changes while they are exposed, more than the tolerance: a sample is the middle of its exposure, not its mean, from which it is off by {} at most (sample {}, {} s; flag over_tolerance); take shorter exposures, or many short ones and their mean",
+            worst.samples,
+            light::percent(worst.relative),
+            worst.sample + 1,
+            pass.exposure_s[worst.sample],
+        ));
+        }
         for channel in &self.channels {
             let saturated = channel.saturated;
             if saturated > 0 {

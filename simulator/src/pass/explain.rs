@@ -96,6 +96,7 @@ impl<'a> Survey<'a> {
         let bound = |earth| crate::light::engine::earthshine(&earth, self.most);
         let earthshine = lighting.earth.map_or(0.0, bound);
         course.earthshine = course.earthshine.max(earthshine);
+        course.aspects.add(place.sun_body, place.observer_body);
         let shaded = self.pass.shadow.is_some() && place.sunlit < 1.0;
         course.umbra += usize::from(shaded && place.sunlit == 0.0);
         course.penumbra += usize::from(shaded && place.sunlit > 0.0);

@@ -5,12 +5,15 @@
 //! two refinements agree. It is the direct light (with shadows, and the Sun's disc where that matters) of which mean and middle are compared, which costs
 //! microseconds; light by other ways, which turns less sharply with the body, keeps the value of the middle.
 
-use super::simulate::{Place, Progress};
-use super::{Pass, PassError, Simulation};
+use super::counts::{Counts, Light};
+use super::simulate::{Place, Progress, Way};
+use super::{Pass, PassError, Ready, Simulation};
+use crate::light::Source;
 use crate::light::engine::{Switch, Switches};
 use glam::DVec3;
 use hifitime::Unit;
 use ndarray::{Array2, s};
+use rayon::prelude::*;
 
 /// Outer point of Gauss's rule of three points on [−1, 1], √(3/5).
 const NODE: f64 = 0.774_596_669_241_483_4;
@@ -101,7 +104,7 @@ impl Simulation<'_> {
             return Ok(means);
         }
         let pass = averaging.at(&seen, &[-0.5 * NODE, 0.0, 0.5 * NODE]);
-        let outer = pass.simulate(progress)?;
+        let outer = pass.simulate_moments(progress)?;
         let around = values(&outer);
         means.moments += pass.times.len();
         // Samples that are still to be refined, each with the pieces that its body's turning asks for, and its direct light in the middle.
@@ -235,7 +238,7 @@ impl<'a> Averaging<'a> {
             return Ok(Array2::zeros((0, 0)));
         }
         let (offsets, weights): (Vec<f64>, Vec<f64>) = points(pieces).unzip();
-        let all = (self.values)(&self.at(samples, &offsets).simulate(self.progress)?);
+        let all = (self.values)(&self.at(samples, &offsets).simulate_moments(self.progress)?);
         let mut means = Array2::zeros((samples.len(), all.ncols()));
         for (k, mut mean) in means.rows_mut().into_iter().enumerate() {
             let own = all.slice(s![k * offsets.len()..(k + 1) * offsets.len(), ..]);
@@ -299,6 +302,57 @@ impl Pass {
         };
         Ok(Self { edges_nm: vec![*first, *last], effects, ..self.clone() })
     }
+}
+
+impl Ready<'_> {
+    /// [`Simulation::smear`] of places that follow one another in the pass, the first of them at an epoch, with their counts.
+    pub(super) fn smear(
+        &self,
+        way: &Way<'_>,
+        places: &[Place],
+        counts: &[Counts],
+        first: usize,
+    ) -> Vec<f64> {
+        let all = places.par_iter().zip(counts).enumerate().map_init(
+            || self.eye(),
+            |eye, (k, (place, counts))| {
+                let i = first + k;
+                let outer = 0.5 * NODE * self.pass.exposure_s[i];
+                // Where it is not known where everything is there is nothing to compare.
+                let (Ok(before), Ok(after)) = (way.beside(i, -outer), way.beside(i, outer)) else {
+                    return 0.0;
+                };
+                if place.hidden || pieces([&before, place, &after]) <= 1.0 {
+                    return 0.0;
+                }
+                let mut direct = |at: &Place| {
+                    let (weights, errors) = eye.weigh_some(at, &|s| s == Source::Direct).ok()?;
+                    let light = Light { weights: &weights, errors: &errors };
+                    let exposure_s = self.pass.exposure_s[i];
+                    Some(above(&self.pass.counts(at, exposure_s, light, &self.functionals).ok()?))
+                };
+                let three = [direct(&before), direct(place), direct(&after)];
+                let [Some(before), Some(middle), Some(after)] = three else { return 0.0 };
+                let whole = above(counts);
+                let of = |c: usize| {
+                    let outer = WEIGHTS[0] * (before[c] + after[c]);
+                    let change = outer + (WEIGHTS[1] - 1.0) * middle[c];
+                    change.abs() / whole[c].max(whole[c] + change)
+                };
+                (0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max)
+            },
+        );
+        all.collect()
+    }
+}
+
+/// Light above the air: the rates of all channels, in V where there is none.
+fn above(counts: &Counts) -> Vec<f64> {
+    if counts.channels.is_empty() {
+        let v = 10_f64.powf(-0.4 * counts.magnitudes[2]);
+        return vec![if v.is_finite() { v } else { 0.0 }];
+    }
+    counts.channels.iter().map(|c| c.above_air_hz).collect()
 }
 
 /// Pieces that an exposure needs for how far the body turns between its points; not a whole number.

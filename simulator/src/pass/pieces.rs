@@ -122,6 +122,7 @@ impl Pass {
         let along = Along::new(&ready, &sketches, &|i| way.place(i), &|| tick(1, Stage::Light))?;
         drop(sketches);
 
+        let around = self.way_around()?;
         let object = self.object();
         let mut part = self.without_times();
         let mut all: Option<Bounds> = None;
@@ -159,7 +160,9 @@ impl Pass {
                 light_relative: all.light_relative.max(bounds.light_relative),
                 ..bounds
             }));
+            let smear = ready.smear(&around, &places, &counts, piece.start);
             let simulation = part.gathered(object.clone(), places, &lit, counts, bounds, &ready);
+            let simulation = Simulation { smear, ..simulation };
             drop(lit);
             let material = (!doubt.is_empty()).then(|| simulation.doubt_by(doubt));
             let polarisation = polarised.map(|(part, known, unknown)| {

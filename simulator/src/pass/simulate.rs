@@ -166,6 +166,9 @@ pub struct Simulation<'a> {
     pub bounds: Bounds,
     /// For each epoch, which way of the light has most of the stated error of the worst channel (of V without any channel).
     pub limits: Vec<Option<Source>>,
+    /// By how much the mean over each exposure differs from its middle, which stands for it: relative, in the channel in which it is most (in V without any channel), by three points of Gauss's
+    /// rule. 0 where the body turns by less than [`TURN_DEG`](super::exposure::TURN_DEG) in an exposure: there nothing was looked at.
+    pub smear: Vec<f64>,
     /// Report of the light engine on the target.
     pub scene: SceneReport,
     /// Needs of the scene, effect by effect.
@@ -181,6 +184,22 @@ impl Pass {
     pub fn simulate(
         &self,
         progress: &(dyn Fn(Progress) + Sync),
+    ) -> Result<Simulation<'_>, PassError> {
+        self.simulated(progress, true)
+    }
+
+    /// The same where nothing is asked about exposures: [`Simulation::smear`] is 0.
+    pub(super) fn simulate_moments(
+        &self,
+        progress: &(dyn Fn(Progress) + Sync),
+    ) -> Result<Simulation<'_>, PassError> {
+        self.simulated(progress, false)
+    }
+
+    fn simulated(
+        &self,
+        progress: &(dyn Fn(Progress) + Sync),
+        exposures: bool,
     ) -> Result<Simulation<'_>, PassError> {
         self.check()?;
         let of = self.times.len();
@@ -212,7 +231,12 @@ impl Pass {
         counter.store(0, Ordering::Relaxed);
         let counts = ready.counted(&places, &lit, &self.exposure_s, &|| tick(Stage::Counts))?;
         let bounds = ready.bounds(along.as_ref(), of, &lit, &counts);
-        let simulation = self.gathered(self.object(), places, &lit, counts, bounds, &ready);
+        let smear = match exposures {
+            true => ready.smear(&self.way_around()?, &places, &counts, 0),
+            false => vec![0.0; of],
+        };
+        let simulation =
+            Simulation { smear, ..self.gathered(self.object(), places, &lit, counts, bounds, &ready) };
         begin(Stage::Done);
         Ok(simulation)
     }
@@ -282,6 +306,18 @@ impl Pass {
         let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
         let (first, last) = self.ends();
         let (first, last) = (first + later, last + later);
+        let frames = self.frames(first, last)?;
+        let orbit = self.orbit.near(first, last);
+        Ok(Way { pass: self, later, frames, orbit })
+    }
+
+    /// The same to the ends of all exposures.
+    pub(super) fn way_around(&self) -> Result<Way<'_>, PassError> {
+        let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
+        let longest = self.exposure_s.iter().copied().fold(0.0, f64::max);
+        let half = hifitime::Duration::from_seconds(0.5 * longest);
+        let (first, last) = self.ends();
+        let (first, last) = (first + later - half, last + later + half);
         let frames = self.frames(first, last)?;
         let orbit = self.orbit.near(first, last);
         Ok(Way { pass: self, later, frames, orbit })
@@ -439,6 +475,7 @@ impl Pass {
             places,
             bounds,
             limits: counts.iter().map(|c| c.limit).collect(),
+            smear: vec![0.0; n],
             scene: ready.report().clone(),
             needs: engine.needs().to_vec(),
         }
@@ -459,8 +496,14 @@ pub(super) struct Way<'a> {
 impl Way<'_> {
     /// Where everything stands at an epoch, before any air.
     pub fn place(&self, i: usize) -> Result<Place, PassError> {
+        self.beside(i, 0.0)
+    }
+
+    /// The same at an offset from it, s.
+    pub fn beside(&self, i: usize, offset_s: f64) -> Result<Place, PassError> {
         let (orbit, site) = self.pass.of_sample(i, &self.orbit);
-        self.pass.place_from(site, self.pass.times[i] + self.later, orbit, &self.frames)
+        let at = self.pass.times[i] + offset_s * hifitime::Unit::Second;
+        self.pass.place_from(site, at + self.later, orbit, &self.frames)
     }
 
     /// The same of several epochs, side by side.

@@ -1,6 +1,6 @@
 //! Summary of all samples of a pass, found piece by piece: counts, extremes, medians.
 
-use super::promise::Promises;
+use super::promise::{Promises, Smeared};
 use super::result::not_modelled;
 use super::{Pass, Piece, Place, Promise, Simulation, StandardMagnitude, StatedError};
 use crate::light::{Need, SceneReport};
@@ -300,6 +300,11 @@ impl<'a> Totals<'a> {
     /// The promise of all samples together.
     pub fn promise(&self) -> Promise {
         self.promises.promise(self.pass, &self.needs)
+    }
+
+    /// Samples whose light changes too much while they are exposed; `None` without any.
+    pub(super) fn smeared(&self) -> Option<Smeared> {
+        self.promises.smeared()
     }
 
     /// Returns the effects that are not in the simulation ([`Simulation::not_modelled`]).

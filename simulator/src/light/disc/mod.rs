@@ -14,7 +14,7 @@
 //! # Terms
 //! W_k before ρ_k(λ) becomes Σ_j L_j(λ) W_kj before ρ_k(λ) L_j(λ), with L_0 = 1: so the first weights of a scene with a disc
 //! are those of a scene without, under a grey disc, and what the tint of the limb changes stands behind them ([`Scene::terms`]). Only materials
-//! whose answer depends on the tint have such terms: mirrors, narrow lobes, and all of them where eclipses are wanted.
+//! whose answer depends on the tint have such terms: mirrors, narrow lobes, those of flat facets (whose horizon cuts the disc, which leaves more of the limb), and all of them where eclipses are wanted.
 //!
 //! # Shadows
 //! The edges of shadows move over the disc. The lit and seen area is taken towards the place of the disc that the light of the facet comes from on the
@@ -36,7 +36,7 @@ pub use light::Room;
 use super::effect::{Source, Term};
 use super::scene::{Scene, SceneError, SceneOptions};
 use crate::surface::{Material, MaterialError, Width};
-use crate::target::Target;
+use crate::target::{Part, Shape, Target};
 use profile::PROFILES;
 use std::ops::Range;
 
@@ -74,8 +74,10 @@ pub struct Sun {
 impl Sun {
     pub(in crate::light) fn new(target: &Target, options: SunOptions) -> Self {
         let mut terms: usize = target.materials.iter().map(|m| m.spectra().len()).sum();
-        let tinted = target.materials.iter().map(|material| {
-            is_tinted(material, options).then(|| {
+        let tinted = target.materials.iter().enumerate().map(|(number, material)| {
+            let flat = |p: &Part| p.material == number && matches!(p.shape, Shape::Mesh(_));
+            let horizons = target.parts.iter().any(flat);
+            (horizons || is_tinted(material, options)).then(|| {
                 let first = terms;
                 terms += (PROFILES - 1) * material.spectra().len();
                 first

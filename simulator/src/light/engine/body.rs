@@ -4,7 +4,7 @@ use crate::light::scene::Scene;
 use crate::light::{SceneError, Source, Term};
 use crate::surface::{Distribution, Material};
 use crate::target::Hinge;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use sunglint_radiometry::spectrum::{Factor, Spectrum};
 
@@ -67,6 +67,24 @@ impl Body {
             hinges: scene.hinges.clone(),
             size_m: reach.fold(corner, f64::max),
         })
+    }
+
+    /// The unit normal of a patch with the Sun in a direction: hinged parts turn to it.
+    pub(super) fn normal(&self, patch: &Patch, sun: DVec3) -> DVec3 {
+        match patch.group {
+            0 => patch.normal,
+            h => {
+                let hinge = &self.hinges[h - 1];
+                DQuat::from_axis_angle(hinge.axis, hinge.angle_rad(sun)) * patch.normal
+            }
+        }
+    }
+
+    /// The area of all surfaces, m²; of curved parts that of a ball around each.
+    pub fn area_m2(&self) -> f64 {
+        let flat: f64 = self.patches.iter().map(|p| p.area_m2).sum();
+        let round: f64 = self.rounds.iter().map(|(r, _)| r * r).sum();
+        flat + 4.0 * std::f64::consts::PI * round
     }
 
     /// Whether any surface is of this material.

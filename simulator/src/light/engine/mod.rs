@@ -24,7 +24,8 @@ mod seen;
 
 pub use globes::irradiance as earthshine;
 pub use options::{
-    Course, Options, Switch, Switches, WrongBudget, WrongTolerance, check_budget, check_tolerance,
+    Aspects, Course, Options, Switch, Switches, WrongBudget, WrongTolerance, check_budget,
+    check_tolerance,
 };
 pub use seen::Seen;
 

@@ -1,6 +1,9 @@
 //! Options of the engine, and known facts about the target's trajectory.
 
 use crate::light::EarthAlbedo;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 /// Whether an effect is modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
@@ -122,7 +125,7 @@ pub fn check_budget(budget_s: f64) -> Result<f64, WrongBudget> {
 }
 
 /// Known facts about the trajectory of a target. [`Course::default`] knows nothing, and takes the worst that an orbit has.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Course {
     /// Epochs; 0 where they are not known.
     pub epochs: usize,
@@ -144,6 +147,51 @@ pub struct Course {
     pub umbra: usize,
     /// Whether the Earth's shadow counts at all.
     pub shadow: bool,
+    /// Directions that occur; none where they are not known.
+    pub aspects: Aspects,
+}
+
+/// Directions to the Sun and to the observer, body axes: of all that occur, each once, no more than a thousand, whichever the order in which they came.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Aspects {
+    /// By a number that is drawn from the directions: the least of these are kept.
+    kept: BTreeMap<u64, [DVec3; 2]>,
+}
+
+impl Aspects {
+    /// No more are kept.
+    const MOST: usize = 1000;
+
+    /// Adds a pair of unit vectors.
+    pub fn add(&mut self, sun: DVec3, observer: DVec3) {
+        // With the same keys in every run, so that the same are kept.
+        let mut hasher = DefaultHasher::new();
+        for x in [sun, observer].into_iter().flat_map(|d| d.to_array()) {
+            x.to_bits().hash(&mut hasher);
+        }
+        self.keep(hasher.finish(), [sun, observer]);
+    }
+
+    /// Adds all of others.
+    pub fn join(&mut self, others: &Self) {
+        others.kept.iter().for_each(|(number, pair)| self.keep(*number, *pair));
+    }
+
+    fn keep(&mut self, number: u64, pair: [DVec3; 2]) {
+        let full = self.kept.len() >= Self::MOST;
+        if full && self.kept.last_key_value().is_some_and(|(last, _)| *last <= number) {
+            return;
+        }
+        self.kept.insert(number, pair);
+        if self.kept.len() > Self::MOST {
+            self.kept.pop_last();
+        }
+    }
+
+    /// The pairs: Sun, observer.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = [DVec3; 2]> {
+        self.kept.values().copied()
+    }
 }
 
 impl Default for Course {
@@ -161,6 +209,7 @@ impl Default for Course {
             penumbra: 0,
             umbra: 0,
             shadow: true,
+            aspects: Aspects::default(),
         }
     }
 }

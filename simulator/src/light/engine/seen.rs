@@ -4,7 +4,6 @@ use super::body::Body;
 use super::globes;
 use crate::light::{Lighting, View};
 use crate::surface::Distribution;
-use glam::DQuat;
 
 /// Visible areas that the doubts of an epoch are made of. Areas are upper bounds: occluders are ignored.
 #[derive(Debug, Clone, Default)]
@@ -60,13 +59,7 @@ impl Seen {
         self.half_cos = 0.5 * (sun + to).length();
         let halfway = (sun + to).normalize_or_zero();
         for patch in &body.patches {
-            let normal = match patch.group {
-                0 => patch.normal,
-                h => {
-                    let hinge = &body.hinges[h - 1];
-                    DQuat::from_axis_angle(hinge.axis, hinge.angle_rad(sun)) * patch.normal
-                }
-            };
+            let normal = body.normal(patch, sun);
             let cos = normal.dot(to) + patch.chord;
             if cos <= 0.0 {
                 continue;

@@ -107,7 +107,7 @@ impl Study {
         pass.exposure_s.truncate(n);
         pass.observations.truncate(n);
         let silent = |_| ();
-        let simulation = pass.simulate(&silent)?;
+        let simulation = pass.simulate_moments(&silent)?;
         let found = simulation.exposure_means_to(tolerance, &light, &silent)?;
         Ok((light(&simulation), found))
     }
