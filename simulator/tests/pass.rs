@@ -616,3 +616,47 @@ fn exposures_of_a_body_that_turns_are_averaged() {
     let means = slow_simulation.exposure_means(&rates, &|_| ()).unwrap();
     assert!(means.pieces.iter().all(|p| *p == 1) && means.largest_change < 1e-4);
 }
+
+/// A cube of paint that turns once in 40 s. Truth: the mean of 1000 moments over each exposure of 4 s, over the moment in its middle. Tolerance: three points of Gauss's rule for each 10°, between which lie the edges of faces: a third of the difference, and 2e-3. The samples that are off by more
+/// than the tolerance say so, with a warning and in the promise; with exposures of 10 ms none does.
+#[test]
+fn the_middle_of_an_exposure_that_is_not_its_mean_is_said() {
+    let spin = "[attitude]\nlaw = \"spin\"\naxis_body = [0.0, 0.0, 1.0]\naxis_gcrs = [-0.30, 0.10, 0.95]\nperiod_s = 40.0\nepoch_utc = \"2008-09-21T18:46:00\"\n";
+    let times =
+        "from = 2008-09-21T18:48:00Z\nto = 2008-09-21T18:48:35Z\nstep_s = 7\nexposure_s = 4.0";
+    let made = |times: &str| {
+        let text = toml("built_in = \"cube\"", spin, times);
+        PassFile::parse("p.toml", &text).unwrap().resolve(Overrides::default()).unwrap()
+    };
+    let pass = made(times);
+    let simulation = simulate(&pass);
+    let mut over = 0;
+    for (i, time) in pass.times.iter().enumerate() {
+        let offset = |k: u32| 4.0 * ((f64::from(k) + 0.5) / 1000.0 - 0.5) * Unit::Second;
+        let times: Vec<_> = (0..1000).map(|k| *time + offset(k)).collect();
+        let exposure_s = vec![1e-3; times.len()];
+        let fine = Pass { times, exposure_s, edges_nm: vec![300.0, 1240.0], ..pass.clone() };
+        let fine = simulate(&fine);
+        let mean = fine.channels[3].above_air_hz.iter().sum::<f64>() / 1000.0;
+        let middle = simulation.channels[3].above_air_hz[i];
+        let truth = (mean - middle).abs() / mean.max(middle);
+        let found = simulation.smear[i];
+        assert!((found - truth).abs() < 2e-3 + truth / 3.0, "{i}: {found} {truth}");
+        let stated = simulation.stated_relative(i).unwrap();
+        let said = simulation.over_tolerance(i) == Some("the exposure");
+        assert_eq!(said, found > pass.tolerance.max(stated), "{i}: {found} {stated}");
+        over += usize::from(said);
+    }
+    assert!(over >= 3, "{:?}", simulation.smear);
+    let promise = simulation.promise();
+    assert!(!promise.is_met() && promise.samples - promise.met >= over, "{promise:?}");
+    assert!(promise.limited_by.iter().any(|l| l.light == "the exposure"), "{promise:?}");
+    let concerns = simulation.concerns();
+    assert!(concerns.iter().any(|c| c.contains("while they are exposed")), "{concerns:?}");
+    let short = made(&times.replace("4.0", "0.01"));
+    let simulation = simulate(&short);
+    let said = |i: usize| simulation.over_tolerance(i) == Some("the exposure");
+    assert!((0..short.times.len()).all(|i| !said(i)), "{:?}", simulation.smear);
+    let concerns = simulation.concerns();
+    assert!(!concerns.iter().any(|c| c.contains("while they are exposed")), "{concerns:?}");
+}

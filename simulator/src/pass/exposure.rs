@@ -24,6 +24,9 @@ pub const MOST_PIECES: u32 = 64;
 /// In a piece of an exposure the direction half-way between Sun and station turns by no more than this over the body, degrees: a mirror flashes for a turn of the
 /// Sun's radius.
 pub const TURN_DEG: f64 = 0.25;
+/// A piece for this much of turning, degrees, where it is only asked how far off the middle is, and no more pieces than these.
+const PIECE_DEG: f64 = 10.0;
+const MOST_SMEAR: u32 = 16;
 /// Values below this part of a column's largest need not settle relative to themselves.
 const FAINT: f64 = 1e-3;
 
@@ -317,26 +320,34 @@ impl Ready<'_> {
             || self.eye(),
             |eye, (k, (place, counts))| {
                 let i = first + k;
-                let outer = 0.5 * NODE * self.pass.exposure_s[i];
+                let exposure_s = self.pass.exposure_s[i];
+                let beside = |offset: f64| way.beside(i, offset * exposure_s).ok();
                 // Where it is not known where everything is there is nothing to compare.
-                let (Ok(before), Ok(after)) = (way.beside(i, -outer), way.beside(i, outer)) else {
+                let Some([before, after]) = beside(-0.5 * NODE)
+                    .and_then(|before| Some([before, beside(0.5 * NODE)?]))
+                    .filter(|_| !place.hidden)
+                else {
                     return 0.0;
                 };
-                if place.hidden || pieces([&before, place, &after]) <= 1.0 {
+                let turn_deg = TURN_DEG * pieces([&before, place, &after]);
+                if turn_deg <= TURN_DEG {
                     return 0.0;
                 }
                 let mut direct = |at: &Place| {
                     let (weights, errors) = eye.weigh_some(at, &|s| s == Source::Direct).ok()?;
                     let light = Light { weights: &weights, errors: &errors };
-                    let exposure_s = self.pass.exposure_s[i];
                     Some(above(&self.pass.counts(at, exposure_s, light, &self.functionals).ok()?))
                 };
-                let three = [direct(&before), direct(place), direct(&after)];
-                let [Some(before), Some(middle), Some(after)] = three else { return 0.0 };
+                let Some(middle) = direct(place) else { return 0.0 };
                 let whole = above(counts);
+                let mut mean = vec![0.0; whole.len()];
+                let cut = (turn_deg / PIECE_DEG).ceil().clamp(1.0, f64::from(MOST_SMEAR)) as u32;
+                for (offset, weight) in points(cut) {
+                    let Some(light) = beside(offset).and_then(|at| direct(&at)) else { return 0.0 };
+                    mean.iter_mut().zip(light).for_each(|(mean, own)| *mean += weight * own);
+                }
                 let of = |c: usize| {
-                    let outer = WEIGHTS[0] * (before[c] + after[c]);
-                    let change = outer + (WEIGHTS[1] - 1.0) * middle[c];
+                    let change = mean[c] - middle[c];
                     change.abs() / whole[c].max(whole[c] + change)
                 };
                 (0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max)
