@@ -235,8 +235,10 @@ impl Pass {
             true => ready.smear(&self.way_around()?, &places, &counts, 0),
             false => vec![0.0; of],
         };
-        let simulation =
-            Simulation { smear, ..self.gathered(self.object(), places, &lit, counts, bounds, &ready) };
+        let simulation = Simulation {
+            smear,
+            ..self.gathered(self.object(), places, &lit, counts, bounds, &ready)
+        };
         begin(Stage::Done);
         Ok(simulation)
     }
