@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::clock::{Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Device, InBeam, PowerMeter as _, RotationStage as _};
 use sunglint_formats::toml::Document;
 use sunglint_materials::assemble::files::{AssemblyFiles, assemble_files};
@@ -235,9 +235,9 @@ fn rehearsed_run(
     // Any night will do, as long as the same run has the same times.
     let zero = hifitime::Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
     let clock = DeviceClock { clock: Arc::new(VirtualClock::new()), zero_utc: Some(zero) };
-    let cancel = Cancel::new();
+    let cancel = watch.cancel();
     let (mut stage, mut meter) = (virtual_rig.stage(), virtual_rig.meter());
-    let within = |time| Deadline::after(clock.clock.clone(), time).with_cancel(&cancel);
+    let within = |time| Deadline::after(clock.clock.clone(), time).with_cancel(cancel);
     let measuring = &plan.measuring;
     meter.set_wavelength_nm(measuring.wavelength_nm, &within(OPEN))?;
     if let Some(range) = &measuring.meter.range {
@@ -260,7 +260,7 @@ fn rehearsed_run(
         meter: &mut meter,
         hands: &mut robot,
         clock: clock.clone(),
-        cancel,
+        cancel: cancel.clone(),
     };
     measure::measure(&mut rig, measuring, &[], false, 0.0, &mut log)?;
     log.write_event("end", json!({ "lines": log.lines.len() }))?;

@@ -14,7 +14,6 @@ use sunglint_calibration::reduction::{Recipe, ReduceOptions, reduce};
 use sunglint_calibration::stars::{
     NightsError, NightsOptions, Options as StarOptions, calibrate_nights, read_visits,
 };
-use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::Session;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, Frame};
@@ -157,12 +156,7 @@ fn observe_virtual(
             .into());
         }
         watch.begin("observing", None);
-        let cancel = Cancel::new();
-        let summary = night.run(&cancel, &mut |_| {
-            if watch.is_cancelled() {
-                cancel.cancel();
-            }
-        })?;
+        let summary = night.run(watch.cancel(), &mut |_| {})?;
         summary.check()?;
         let json = observe::summary_json(&summary);
         let product = Product { name: "observed".into(), json, ..Product::default() };

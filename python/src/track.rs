@@ -6,7 +6,6 @@ use crate::watch::{Watch, run};
 use crate::workflows::{moment, needed, station_or_usual, unknown};
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::MountKnown;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_observatory::telescope::TrackOptions;
@@ -41,7 +40,7 @@ fn track(
     dry_run: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
-    run(py, progress, move |_: &Watch| {
+    run(py, progress, move |watch: &Watch| {
         within("min_elevation_deg", wanted.min_elevation_deg, 0.0, 89.0)?;
         within("sun_limit_deg", wanted.sun_limit_deg, 10.0, 90.0)?;
         within("latency_s", wanted.latency_s, 0.0, 5.0)?;
@@ -82,7 +81,7 @@ fn track(
             options,
             only_plan: dry_run,
         };
-        let done = rehearse(&orbit, &station, (from, seconds), made, &rehearsal, &Cancel::new())?;
+        let done = rehearse(&orbit, &station, (from, seconds), made, &rehearsal, watch.cancel())?;
         let mut report = TrackReport::planned(done.plan, mount);
         match done.ended {
             None if dry_run => {}

@@ -2,10 +2,11 @@
 
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use sunglint_drivers::clock::Cancel;
 use sunglint_formats::ParseError;
 use sunglint_formats::error::FileError;
 use sunglint_numerics::progress::Progress;
@@ -26,7 +27,7 @@ struct Stopped;
 /// Watches work on behalf of Python.
 #[derive(Clone)]
 pub struct Watch {
-    stop: Arc<AtomicBool>,
+    cancel: Cancel,
     steps: Arc<Mutex<Steps>>,
 }
 
@@ -47,13 +48,18 @@ impl Watch {
 
     /// Says where work stands that counts by itself; ends its thread where the caller wants it to end.
     pub fn at(&self, stage: &str, done: usize, of: usize) {
-        if self.stop.load(Ordering::Relaxed) {
+        if self.cancel.is_cancelled() {
             // Quietly: no message of a panic.
             std::panic::resume_unwind(Box::new(Stopped));
         }
         let mut steps = self.steps();
         stage.clone_into(&mut steps.stage);
         (steps.done, steps.of, steps.is_new) = (done as u64, Some(of as u64), true);
+    }
+
+    /// Token that is set where the caller wants the work to end: for waits of devices and rehearsals.
+    pub fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
     /// Warnings so far.
@@ -80,7 +86,7 @@ impl Progress for Watch {
     }
 
     fn is_cancelled(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.cancel.is_cancelled()
     }
 }
 
@@ -112,7 +118,7 @@ pub fn run<T: Send>(
     work: impl FnOnce(&Watch) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
     refuse_fork()?;
-    let watch = Watch { stop: Arc::default(), steps: Arc::default() };
+    let watch = Watch { cancel: Cancel::new(), steps: Arc::default() };
     std::thread::scope(|scope| {
         let (send, receive) = channel();
         let own = watch.clone();
@@ -134,7 +140,7 @@ pub fn run<T: Send>(
             if interrupted.is_none() {
                 let told = tell(py, &watch, callback.as_ref()).and_then(|()| py.check_signals());
                 if let Err(error) = told {
-                    watch.stop.store(true, Ordering::Relaxed);
+                    watch.cancel.cancel();
                     interrupted = Some(error);
                 }
             }

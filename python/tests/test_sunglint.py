@@ -696,6 +696,27 @@ def test_tracking_is_the_programs(demo):
         sg.track(demo / "satellites.tle", 99004, "2020-11-18T16:20:00Z", station="ufo", mount="indi-telescope")
 
 
+def test_ctrl_c_ends_a_rehearsal(tmp_path):
+    """Eleven hours of a synthetic geostationary satellite at ten frames a second: half a minute of work or more."""
+    (tmp_path / "geo.tle").write_text('GEO\n1 99998U 20001A   20323.50000000  .00000000  00000+0  00000+0 0  9990\n2 99998   0.0500 240.0000 0002000   0.0000   0.0000  1.00270000    10\n')
+    code = (
+        "import signal, sunglint as sg\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "print('ready', flush=True)\n"
+        "try:\n    sg.track('geo.tle', 99998, '2020-11-18T16:20:00Z', station='ufo', for_s=40000); print('done')\n"
+        "except KeyboardInterrupt:\n    print('heard', flush=True)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    try:
+        heard, _ = child.communicate(timeout=120)
+    finally:
+        child.kill()
+    assert heard == "heard\n"
+
+
 def ggx_retro(tmp_path):
     """A run of retro-reflection of a GGX surface (see test_microfacets_are_the_programs; synthetic)."""
     rows = ["# %ECSV 1.0", "# ---", "# datatype:"]

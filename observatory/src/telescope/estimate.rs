@@ -66,6 +66,8 @@ impl Drift {
     }
 }
 
+/// A target slower than this is not displaced along its track by asking for another time alone, arcsec/s: one that stands over a place of the Earth is where it is at any time.
+const SLOWEST_ARCSEC_S: f64 = 1.0;
 /// Errors of a person's click in those of a measurement.
 const CLICK_SIGMAS: f64 = 5.0;
 /// Doubt of the rate of the error after a click, arcsec/s.
@@ -113,7 +115,7 @@ impl Default for EstimatorOptions {
 /// Error of a target along its track (as time) and across it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Offset {
-    /// By how much later the prediction is asked, s.
+    /// By how much later the prediction is asked, s; for a target slower than 1″/s, the distance along its track, arcsec.
     pub along: Drift,
     /// To the left of the track, arcsec.
     pub across: Drift,
@@ -139,6 +141,11 @@ pub(super) enum Found {
     Locked,
     /// Nothing that can be the target.
     Nothing,
+}
+
+/// Distance along the track for each second by which an offset along it is counted, arcsec/s, at a speed.
+fn pace(speed_rad_s: f64) -> f64 {
+    (speed_rad_s * ARCSEC).max(SLOWEST_ARCSEC_S)
 }
 
 /// Follows one target through frames.
@@ -187,12 +194,12 @@ impl Estimator {
     /// A person said which light is the target: its direction in the mount's axes, in a frame at a time of the path; `place` is the path's place at that time and
     /// the known offset. `now_s` is the time of the path when it was said.
     pub fn lock(&mut self, seen: DVec3, time_s: f64, place: &Place, now_s: f64) {
-        let speed = (place.speed_rad_s() * ARCSEC).max(1.0);
+        let (speed, pace) = (place.speed_rad_s() * ARCSEC, pace(place.speed_rad_s()));
         let [along, left] = Self::from_place(place, seen);
         // A click hits the light's middle by some pixels only, and its rate is not known.
         let (sigma, rate) = (CLICK_SIGMAS * self.options.measured_arcsec, CLICK_RATE_ARCSEC_S);
-        let later_s = self.offset.along.value + along / speed;
-        self.offset.along = self.offset.along.known(later_s, sigma / speed, rate / speed);
+        let later_s = (self.offset.along.value * speed + along) / pace;
+        self.offset.along = self.offset.along.known(later_s, sigma / pace, rate / pace);
         self.offset.across = self.offset.across.known(left, sigma, rate);
         self.at_s = Some(time_s);
         self.locked = true;
@@ -204,7 +211,7 @@ impl Estimator {
     /// A person said that the target is believed to be elsewhere by so much, a vector in the mount's axes at a place of the path.
     pub fn shift(&mut self, by: DVec3, place: &Place) {
         let [along, left] = place.track().map(|axis| by.dot(axis) * ARCSEC);
-        self.offset.along.value += along / (place.speed_rad_s() * ARCSEC).max(1.0);
+        self.offset.along.value += along / pace(place.speed_rad_s());
         self.offset.across.value += left;
         self.trails.clear();
     }
@@ -227,10 +234,9 @@ impl Estimator {
             return;
         }
         let noise = self.options.wander_arcsec_s;
-        let speed = (speed_rad_s * ARCSEC).max(1.0);
         // Before the lock nothing is learnt: the doubt stays what it was.
         if self.locked {
-            self.offset.along.advance(dt, noise / speed);
+            self.offset.along.advance(dt, noise / pace(speed_rad_s));
             self.offset.across.advance(dt, noise);
         }
         if self.seen_s.is_some_and(|seen| time_s - seen > self.options.coast_s) && self.locked {
@@ -240,10 +246,15 @@ impl Estimator {
         }
     }
 
-    /// The predicted direction at a path's place, displaced by what is known across the track, `ahead_s` after the last frame.
+    /// The predicted direction at a path's place at the known time, displaced by what is known across the track, and along it where the target is too slow for
+    /// another time to do that, `ahead_s` after the last frame.
     pub fn displaced(&self, place: &Place, ahead_s: f64) -> DVec3 {
-        let [_, left] = place.track();
-        (place.direction + left * (self.offset.across.after(ahead_s) / ARCSEC)).normalize()
+        let [along, left] = place.track();
+        let speed_rad_s = place.speed_rad_s();
+        let short = pace(speed_rad_s) - speed_rad_s * ARCSEC;
+        let by = along * (self.offset.along.after(ahead_s) * short)
+            + left * self.offset.across.after(ahead_s);
+        (place.direction + by / ARCSEC).normalize()
     }
 
     /// Learns from a frame: directions in the mount's axes with their brightness, at a time of the path. `place` is the path's place at that time and the known
@@ -255,7 +266,7 @@ impl Estimator {
         place: &Place,
         stars_rad_s: f64,
     ) -> Found {
-        let speed = (place.speed_rad_s() * ARCSEC).max(1.0);
+        let speed = pace(place.speed_rad_s());
         let [along, left] = place.track();
         let here = self.displaced(place, 0.0);
         let beside = |x: DVec3| {

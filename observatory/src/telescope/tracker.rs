@@ -170,7 +170,7 @@ pub struct TrackStep {
     pub seen_arcsec: Option<f64>,
     /// Learnt offset of a star from the prediction along the growing axes, arcsec.
     pub held_arcsec: Option<[f64; 2]>,
-    /// What was learnt: by how much the target is ahead of its prediction, s.
+    /// What was learnt: by how much the target is ahead of its prediction, s; for one slower than 1″/s, the distance along its track, arcsec.
     pub ahead_s: f64,
     /// What was learnt: by how much it is left of its track, arcsec.
     pub left_arcsec: f64,
