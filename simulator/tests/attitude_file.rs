@@ -143,3 +143,22 @@ fn mistakes_are_named() {
     let error = table.body_to_gcrs(&moment(11.0)).unwrap_err().to_string();
     assert!(error.contains("its table runs from 2026-03-01T20:00:00Z to 2026-03-01T20:00:10Z"));
 }
+
+/// Truth: the same table as ECSV, which `every_law_is_read` holds against numbers by hand: half-way between its rows the body has turned by 45° about z.
+#[test]
+fn a_table_may_be_comma_separated() {
+    let folder = std::env::temp_dir().join(format!("sunglint-attitude-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let rows = "# by hand\ntime_utc,q_w,q_x,q_y,q_z\n2026-03-01T20:00:00Z,1,0,0,0\n2026-03-01T20:00:10Z,0.7071068,0,0,0.7071068\n";
+    std::fs::write(folder.join("a.csv"), rows).unwrap();
+    std::fs::write(folder.join("a.ecsv"), TABLE).unwrap();
+    for name in ["a.csv", "a.ecsv"] {
+        let law = format!("[attitude]\nlaw = \"table\"\nfile = \"{name}\"\n");
+        std::fs::write(folder.join("law.toml"), law).unwrap();
+        let attitude = Attitude::read(folder.join("law.toml")).unwrap();
+        let turned = attitude.body_to_gcrs(&moment(5.0)).unwrap();
+        let truth = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
+        assert!(turned.angle_between(truth) < 1e-6, "{name}: {turned}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}

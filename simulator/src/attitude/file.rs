@@ -197,7 +197,8 @@ impl Attitude {
         let file: AnyFile = document.parse()?;
         attitude(&document, "attitude", &file.attitude, &mut |name| {
             let path = document.resolve(name);
-            Ok((sunglint_formats::ecsv::read(&path)?, path))
+            let text = sunglint_formats::read::text(&path)?;
+            Ok((sunglint_formats::text_table::read_str(&path, &text)?, path))
         })
     }
 

@@ -78,7 +78,7 @@ use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, elements, in_tai, tle};
 use sunglint_formats::toml::{Document, Finite, NonNegative, Positive};
-use sunglint_formats::{FileError, ParseError, Table, curve, ecsv, nearest_names};
+use sunglint_formats::{FileError, ParseError, Table, curve, nearest_names, text_table};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light;
 use sunglint_radiometry::light_curve::Input;
@@ -400,7 +400,7 @@ impl Reader<'_> {
 
     fn table(&mut self, key: &str, name: &str) -> Result<(Table, PathBuf), FileError> {
         let (text, path) = self.text(key, name)?;
-        Ok((ecsv::read_str(&path, &text)?, path))
+        Ok((text_table::read_str(&path, &text)?, path))
     }
 
     fn target(&self, keys: &TargetKeys) -> Result<Target, FileError> {
