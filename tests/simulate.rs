@@ -330,7 +330,7 @@ fn nothing_is_left_of_a_simulation_that_fails() {
     assert!(message.contains("pass_geometry.ecsv is there already"), "{message}");
     assert_eq!(std::fs::read_dir(folder.path("there")).unwrap().count(), 1);
     // The second of two places takes no file.
-    folder.refused(1, &["simulate", "pass.toml", "-o", "new/deep/", "-o", "/proc/pass.png"]);
+    folder.refused(1, &["simulate", "pass.toml", "-o", "new/deep/", "-o", "/proc/pass.ecsv"]);
     assert!(!folder.path("new").exists());
     // Without light the picture is that of the geometry.
     let dark = SPHERE_PASS.replace("18:45:00", "19:35:00").replace("18:52:00", "19:42:00");

@@ -6,7 +6,11 @@ use glam::DVec3;
 /// One radian in arcsec.
 pub(super) const ARCSEC: f64 = 206_264.806_247_096_36;
 
-/// A number and its rate, with covariance: a Kalman filter with a rate that wanders.
+/// Time in which a rate that nothing renews falls to 1/e, s. What drives it, a worm's wheel or the wind, turns round within seconds: a target that hides behind a star or a cloud is not to be
+/// looked for ever farther away. (At ten frames a second the rate is renewed long before.)
+const RATE_S: f64 = 4.0;
+
+/// A number and its rate, with covariance: a Kalman filter with a rate that wanders and, by itself, dies away (an Ornstein–Uhlenbeck process).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Drift {
     pub value: f64,
@@ -34,18 +38,21 @@ impl Drift {
     }
 
     pub fn after(&self, dt_s: f64) -> f64 {
-        self.value + self.rate * dt_s
+        self.value + self.rate * lasting_s(dt_s)
     }
 
     /// Goes on by a time; `noise` is what the rate wanders by, in a second.
     pub fn advance(&mut self, dt_s: f64, noise: f64) {
         let [vv, vr, rr] = self.covariance;
         let q = noise * noise;
-        self.value += self.rate * dt_s;
+        let (lasting_s, keeps) = (lasting_s(dt_s), (-dt_s / RATE_S).exp());
+        self.value += self.rate * lasting_s;
+        self.rate *= keeps;
+        // The noise of the interval as if the rate stood: an upper bound.
         self.covariance = [
-            vv + 2.0 * dt_s * vr + dt_s * dt_s * rr + q * dt_s.powi(3) / 3.0,
-            vr + dt_s * rr + q * dt_s * dt_s / 2.0,
-            rr + q * dt_s,
+            vv + 2.0 * lasting_s * vr + lasting_s * lasting_s * rr + q * dt_s.powi(3) / 3.0,
+            keeps * (vr + lasting_s * rr) + q * dt_s * dt_s / 2.0,
+            keeps * keeps * rr + q * dt_s,
         ];
         let [vv, vr, rr] = &mut self.covariance;
         if *rr > self.most {
@@ -68,6 +75,12 @@ impl Drift {
 
 /// A target slower than this is not displaced along its track by asking for another time alone, arcsec/s: one that stands over a place of the Earth is where it is at any time.
 const SLOWEST_ARCSEC_S: f64 = 1.0;
+
+/// How long a rate would have to stand to do what it does in a time in which it dies away, s.
+fn lasting_s(dt_s: f64) -> f64 {
+    -RATE_S * (-dt_s / RATE_S).exp_m1()
+}
+
 /// Errors of a person's click in those of a measurement.
 const CLICK_SIGMAS: f64 = 5.0;
 /// Doubt of the rate of the error after a click, arcsec/s.

@@ -24,9 +24,11 @@ pub const MOST_PIECES: u32 = 64;
 /// In a piece of an exposure the direction half-way between Sun and station turns by no more than this over the body, degrees: a mirror flashes for a turn of the
 /// Sun's radius.
 pub const TURN_DEG: f64 = 0.25;
-/// A piece for this much of turning, degrees, where it is only asked how far off the middle is, and no more pieces than these.
+/// Where it is only asked how far off the middle is: a piece for this much of turning, degrees, to begin with, and the part of the answer by which two rules may differ.
 const PIECE_DEG: f64 = 10.0;
-const MOST_SMEAR: u32 = 16;
+const AGREE: f64 = 0.25;
+/// A difference below this part of the tolerance is not asked about again.
+const SMALL: f64 = 0.1;
 /// Values below this part of a column's largest need not settle relative to themselves.
 const FAINT: f64 = 1e-3;
 
@@ -340,17 +342,32 @@ impl Ready<'_> {
                 };
                 let Some(middle) = direct(place) else { return 0.0 };
                 let whole = above(counts);
-                let mut mean = vec![0.0; whole.len()];
-                let cut = (turn_deg / PIECE_DEG).ceil().clamp(1.0, f64::from(MOST_SMEAR)) as u32;
-                for (offset, weight) in points(cut) {
-                    let Some(light) = beside(offset).and_then(|at| direct(&at)) else { return 0.0 };
-                    mean.iter_mut().zip(light).for_each(|(mean, own)| *mean += weight * own);
-                }
-                let of = |c: usize| {
-                    let change = mean[c] - middle[c];
-                    change.abs() / whole[c].max(whole[c] + change)
+                let mut by_pieces = |pieces: u32| -> Option<f64> {
+                    let mut mean = vec![0.0; whole.len()];
+                    for (offset, weight) in points(pieces) {
+                        let light = direct(&beside(offset)?)?;
+                        mean.iter_mut().zip(light).for_each(|(mean, own)| *mean += weight * own);
+                    }
+                    let of = |c: usize| {
+                        let change = mean[c] - middle[c];
+                        change.abs() / whole[c].max(whole[c] + change)
+                    };
+                    Some((0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max))
                 };
-                (0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max)
+                // Glints and edges of faces lie between the points of a coarse rule.
+                let most = f64::from(MOST_PIECES);
+                let mut pieces = (turn_deg / PIECE_DEG).ceil().clamp(1.0, most) as u32;
+                let mut found = by_pieces(pieces).unwrap_or(0.0);
+                while pieces < MOST_PIECES && found > SMALL * self.pass.tolerance {
+                    pieces = (2 * pieces).min(MOST_PIECES);
+                    let Some(finer) = by_pieces(pieces) else { break };
+                    let settled = (finer - found).abs() < AGREE * finer.max(self.pass.tolerance);
+                    found = finer;
+                    if settled {
+                        break;
+                    }
+                }
+                found
             },
         );
         all.collect()

@@ -107,7 +107,7 @@ impl Search<'_> {
         answer.independent_channels = channels * self.series.len() as f64;
         answer.independent_samples = samples;
         answer.window_peaks = self.window_peaks()?;
-        if let Some((first, second)) = self.two_periods(base, harmonics) {
+        if let Some((first, second)) = self.two_periods(base, harmonics, &answer.window_peaks) {
             answer.outcome = Outcome::Two(first, second);
             return Ok(());
         }

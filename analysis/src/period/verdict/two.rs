@@ -1,8 +1,9 @@
 //! Two periods at once: a body that tumbles, or the light of two bodies.
 //!
-//! Light with two frequencies that have no common period has no period. A search for one finds a long one, of which both are nearly parts, with many harmonics. So where many harmonics stand out, the light is fitted by a lattice of two
-//! free frequencies: f₁, f₂, twice each, their sum, their difference, 2f₁ − f₂ and 2f₂ − f₁. If that leaves clearly less than the harmonics do, with fewer unknowns, the light has two periods. Two
-//! frequencies that are harmonics of one with four turns in the data are none.
+//! Light with two frequencies that have no common period has no period. A search for one finds a long one, of which both are nearly parts, with many harmonics; or one of the two, which leaves the other. So where many harmonics stand
+//! out, or few leave a strong line, the light is fitted by a lattice of two free frequencies: f₁, f₂, twice each, their sum, their difference, 2f₁ − f₂ and 2f₂ − f₁. If that leaves clearly less than the
+//! harmonics do, the light has two periods. Two frequencies that are harmonics of one with four turns in the data are none; beside few harmonics neither are those near a small multiple of one another, which is light that changes
+//! from turn to turn, nor those of the gaps.
 
 use super::super::fit::fit;
 use super::super::lines::MOST as MOST_HARMONICS;
@@ -26,8 +27,16 @@ const LATTICE: [(f64, f64); 8] = [
     (2.0, -1.0),
     (-1.0, 2.0),
 ];
-/// Fewer harmonics are no sign of two periods: the lattice has as many unknowns as eight.
+/// So many harmonics are a sign of two periods by themselves: the lattice has as many unknowns as eight.
 const LEAST_HARMONICS: usize = 9;
+/// Beside fewer: share of the whole variance that a line has which they leave, at least; and the gain that the lattice must have more for each harmonic that they are fewer.
+const LEFT: f64 = 0.1;
+const EACH_MORE: f64 = 10.0;
+/// Beside fewer: multiples of both that are compared (their sum, at most), and turns over the span by which they differ at least, as from a window's peak of at least such a height. Light that
+/// changes over a pass by its phase angle has lines beside its own, a turn or so away.
+const MULTIPLES: u32 = 7;
+const APART: f64 = 1.5;
+const WINDOW: f64 = 0.25;
 /// Samples in all at most: more are not asked.
 const MOST_SAMPLES: usize = 20_000;
 /// Lines that are taken out one after the other, and pairs of them that are fitted.
@@ -102,7 +111,33 @@ fn is_common(first_hz: f64, second_hz: f64, span_s: f64) -> bool {
     })
 }
 
+/// Whether small multiples of two frequencies are the same but for what changes over a span, or come to be the same by the times of the samples (frequencies of the window, among them that of even
+/// samples).
+fn are_multiples(first_hz: f64, second_hz: f64, window_hz: &[f64], span_s: f64) -> bool {
+    let same = |p: u32, q: u32| {
+        let (a, b) = (first_hz * f64::from(q), second_hz * f64::from(p));
+        let near = |f: f64| f.abs() * span_s < APART;
+        let folded =
+            |w: &f64| [1.0, 2.0].iter().any(|k| near(a + b - k * w) || near((a - b).abs() - k * w));
+        near(a - b) || window_hz.iter().any(folded)
+    };
+    (1..MULTIPLES).any(|p| (1..=MULTIPLES - p).any(|q| same(p, q)))
+}
+
 impl Search<'_> {
+    /// Whether harmonics of a base leave a line with a good part of the variance of some series.
+    fn leaves_a_line(&self, base: f64, harmonics: usize) -> bool {
+        let Some(grid) = self.range.grid(1) else { return false };
+        self.series.iter().any(|s| {
+            let Ok(model) = fit(s, base, harmonics) else { return false };
+            let mut left: Series = (*s).clone();
+            left.value.iter_mut().zip(&s.time_s).for_each(|(v, t)| *v -= model.at(*t));
+            let Ok(power) = lomb_scargle(&left, &grid, 1) else { return false };
+            let line = power.into_iter().fold(0.0, f64::max);
+            line >= 1.0 - LEAVES && line * (1.0 - model.power) >= LEFT
+        })
+    }
+
     fn gain_of_two(&self, first_hz: f64, second_hz: f64) -> Option<f64> {
         let mut sum = 0.0;
         for s in self.series {
@@ -135,8 +170,14 @@ impl Search<'_> {
     }
 
     /// Two periods that explain the light better than `harmonics` of `base` do; the one with more light first.
-    pub fn two_periods(&self, base: f64, harmonics: usize) -> Option<(Estimate, Estimate)> {
-        if harmonics < LEAST_HARMONICS || self.samples() > MOST_SAMPLES {
+    pub fn two_periods(
+        &self,
+        base: f64,
+        harmonics: usize,
+        window: &[(f64, f64)],
+    ) -> Option<(Estimate, Estimate)> {
+        let few = harmonics < LEAST_HARMONICS;
+        if self.samples() > MOST_SAMPLES || few && !self.leaves_a_line(base, harmonics) {
             return None;
         }
         let single = self.gain(base, harmonics);
@@ -177,12 +218,20 @@ impl Search<'_> {
         let slowest = first.min(second);
         let fastest_s =
             self.series.iter().filter_map(|s| median_step(s)).fold(f64::INFINITY, f64::min);
-        let better = -LEAVES.ln() * self.samples() as f64;
+        let fewer = (LEAST_HARMONICS - 1).saturating_sub(harmonics) as f64;
+        let better = -LEAVES.ln() * self.samples() as f64 + EACH_MORE * fewer;
+        let of_window: Vec<f64> =
+            window.iter().filter(|(_, height)| *height >= WINDOW).map(|(at, _)| *at).collect();
+        let of_gaps = |f: f64| of_window.iter().any(|w| (w - f).abs() * self.range.span_s < APART);
         if gain < single + better
             || slowest * self.range.span_s < LEAST_TURNS
             || slowest <= 0.0
             || 2.0 * fastest_s * first.max(second) > 1.0
             || is_common(first, second, self.range.span_s)
+            || few
+                && (are_multiples(first, second, &of_window, self.range.span_s)
+                    || of_gaps(first)
+                    || of_gaps(second))
         {
             return None;
         }
