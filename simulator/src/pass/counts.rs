@@ -42,6 +42,19 @@ pub(super) struct Counts {
 }
 
 impl Pass {
+    /// Light above the air of weights, as [`Counts`] has it: the rates of all channels, Hz; the flux in V where there is none.
+    pub(super) fn above_air(
+        &self,
+        place: &Place,
+        weights: &[f64],
+        functionals: &Functionals,
+    ) -> Vec<f64> {
+        let here = (place.geometry.sun.distance_au() * place.geometry.range_m).powi(-2);
+        let channels = self.station.channels.len();
+        let wanted = if channels == 0 { V..V + 1 } else { 0..channels };
+        wanted.map(|c| here * functionals.sums.above(c, weights)).collect()
+    }
+
     pub(super) fn counts(
         &self,
         place: &Place,

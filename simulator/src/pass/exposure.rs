@@ -5,7 +5,7 @@
 //! two refinements agree. It is the direct light (with shadows, and the Sun's disc where that matters) of which mean and middle are compared, which costs
 //! microseconds; light by other ways, which turns less sharply with the body, keeps the value of the middle.
 
-use super::counts::{Counts, Light};
+use super::counts::Counts;
 use super::simulate::{Place, Progress, Way};
 use super::{Pass, PassError, Ready, Simulation};
 use crate::light::Source;
@@ -321,13 +321,15 @@ impl Ready<'_> {
         let all = places.par_iter().zip(counts).enumerate().map_init(
             || self.eye(),
             |eye, (k, (place, counts))| {
+                if place.hidden {
+                    return 0.0;
+                }
                 let i = first + k;
                 let exposure_s = self.pass.exposure_s[i];
                 let beside = |offset: f64| way.beside(i, offset * exposure_s).ok();
                 // Where it is not known where everything is there is nothing to compare.
-                let Some([before, after]) = beside(-0.5 * NODE)
-                    .and_then(|before| Some([before, beside(0.5 * NODE)?]))
-                    .filter(|_| !place.hidden)
+                let Some([before, after]) =
+                    beside(-0.5 * NODE).and_then(|before| Some([before, beside(0.5 * NODE)?]))
                 else {
                     return 0.0;
                 };
@@ -336,28 +338,39 @@ impl Ready<'_> {
                     return 0.0;
                 }
                 let mut direct = |at: &Place| {
-                    let (weights, errors) = eye.weigh_some(at, &|s| s == Source::Direct).ok()?;
-                    let light = Light { weights: &weights, errors: &errors };
-                    Some(above(&self.pass.counts(at, exposure_s, light, &self.functionals).ok()?))
+                    let (weights, _) = eye.weigh_some(at, &|s| s == Source::Direct).ok()?;
+                    Some(self.pass.above_air(at, &weights, &self.functionals))
                 };
-                let Some(middle) = direct(place) else { return 0.0 };
+                let Some([first, middle, last]) = direct(&before)
+                    .and_then(|first| Some([first, direct(place)?, direct(&after)?]))
+                else {
+                    return 0.0;
+                };
                 let whole = above(counts);
+                let off = |mean: &[f64]| {
+                    let of = |c: usize| {
+                        let change = mean[c] - middle[c];
+                        change.abs() / whole[c].max(whole[c] + change)
+                    };
+                    (0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max)
+                };
                 let mut by_pieces = |pieces: u32| -> Option<f64> {
                     let mut mean = vec![0.0; whole.len()];
                     for (offset, weight) in points(pieces) {
                         let light = direct(&beside(offset)?)?;
                         mean.iter_mut().zip(light).for_each(|(mean, own)| *mean += weight * own);
                     }
-                    let of = |c: usize| {
-                        let change = mean[c] - middle[c];
-                        change.abs() / whole[c].max(whole[c] + change)
-                    };
-                    Some((0..whole.len()).map(of).filter(|x| x.is_finite()).fold(0.0, f64::max))
+                    Some(off(&mean))
                 };
+                let [outer, inner, _] = WEIGHTS;
+                let mean = |c: usize| outer * (first[c] + last[c]) + inner * middle[c];
+                let mut found = off(&(0..whole.len()).map(mean).collect::<Vec<f64>>());
+                let (most, mut pieces) = (f64::from(MOST_PIECES), 1);
+                if turn_deg > PIECE_DEG {
+                    pieces = (turn_deg / PIECE_DEG).ceil().min(most) as u32;
+                    found = by_pieces(pieces).unwrap_or(found);
+                }
                 // Glints and edges of faces lie between the points of a coarse rule.
-                let most = f64::from(MOST_PIECES);
-                let mut pieces = (turn_deg / PIECE_DEG).ceil().clamp(1.0, most) as u32;
-                let mut found = by_pieces(pieces).unwrap_or(0.0);
                 while pieces < MOST_PIECES && found > SMALL * self.pass.tolerance {
                     pieces = (2 * pieces).min(MOST_PIECES);
                     let Some(finer) = by_pieces(pieces) else { break };
