@@ -18,7 +18,7 @@ use sunglint_calibration::photometry::{
 use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
 use sunglint_formats::Frame;
 use sunglint_formats::fits::Header;
-use sunglint_formats::photometry::{self, ColumnNames, Scale};
+use sunglint_formats::photometry::{self, ColumnNames, Scale, TimeFormat};
 use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
 use sunglint_inference::fit::{FitOptions, FreeParameter, fit};
 use sunglint_inference::measured::joined;
@@ -131,10 +131,12 @@ fn scale(name: Option<&str>) -> Result<Option<Scale>, Failure> {
 pub struct Reading {
     time_column: Option<String>,
     time_scale: Option<String>,
+    time_format: Option<String>,
     magnitude_column: Option<String>,
     sigma_column: Option<String>,
     magnitudes_as: Option<String>,
     sigma_mag: Option<f64>,
+    object: Option<String>,
 }
 
 impl Reading {
@@ -142,6 +144,15 @@ impl Reading {
         let mut names = ColumnNames::default();
         names.time.clone_from(&self.time_column);
         names.scale = scale(self.time_scale.as_deref())?;
+        names.format = match self.time_format.as_deref() {
+            None => None,
+            Some("jd") => Some(TimeFormat::Jd),
+            Some("mjd") => Some(TimeFormat::Mjd),
+            Some("unix") => Some(TimeFormat::Unix),
+            Some("s") => Some(TimeFormat::Seconds),
+            Some("iso") => Some(TimeFormat::Iso),
+            Some(other) => return Err(unknown("time_format", other, "jd, mjd, unix, s or iso")),
+        };
         names.magnitude.clone_from(&self.magnitude_column);
         names.sigma.clone_from(&self.sigma_column);
         Ok(names)
@@ -165,13 +176,11 @@ impl Reading {
 
     /// Options of the reader.
     pub fn options(&self) -> Result<MagnitudeOptions, Failure> {
-        let mut columns = self.names()?;
-        columns.sigma = None;
         Ok(MagnitudeOptions {
-            columns,
+            columns: self.names()?,
             kind: self.kind()?,
             sigma_mag: self.sigma_mag,
-            rows: ObjectRows::One,
+            rows: self.object.clone().map_or(ObjectRows::One, ObjectRows::Of),
         })
     }
 }

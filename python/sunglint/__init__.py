@@ -942,18 +942,20 @@ def _curve_again(name, data, reading):
     return Curve(path, reading, _core.read_photometry(path, reading), keep)
 
 
-def _reading(time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, magnitudes_as=None, sigma_mag=None):
+def _reading(time_column=None, time_scale=None, time_format=None, magnitude_column=None, sigma_column=None, magnitudes_as=None, sigma_mag=None, object=None):
     return dict(
         time_column=time_column,
         time_scale=time_scale,
+        time_format=time_format,
         magnitude_column=magnitude_column,
         sigma_column=sigma_column,
         magnitudes_as=magnitudes_as,
         sigma_mag=sigma_mag,
+        object=object,
     )
 
 
-def read_photometry(path, time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, _keep=None):
+def read_photometry(path, time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, time_format=None, _keep=None):
     """Reads a light curve of any program: ECSV, CSV, FITS tables, EOSSA, VOTable, TDM, ALCDEF, MMT-9.
 
     Parameters
@@ -961,14 +963,16 @@ def read_photometry(path, time_column=None, time_scale=None, magnitude_column=No
     path : str or path
     time_column, magnitude_column, sigma_column : str, optional
         Columns of a table whose names do not tell.
-    time_scale : {'utc', 'tai', 'tt', 'tdb'}, optional
+    time_scale : {'utc', 'tai', 'tt', 'tdb', 'gps'}, optional
         Of times whose column names no scale.
+    time_format : {'jd', 'mjd', 'unix', 's', 'iso'}, optional
+        Of times as numbers whose column's name does not say what they are.
 
     Returns
     -------
     Curve
     """
-    reading = _reading(time_column, time_scale, magnitude_column, sigma_column)
+    reading = _reading(time_column, time_scale, time_format, magnitude_column, sigma_column)
     path = _path(path)
     return Curve(path, reading, _core.read_photometry(path, reading), _keep)
 
@@ -1149,7 +1153,7 @@ def compare(curve, scene, channels=(), tolerance=None, progress=None, **reading)
     channels : sequence of str
         Only these.
     **reading
-        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as`` ('apparent', 'ground', '1000km', 'standard').
+        ``time_column``, ``time_scale``, ``time_format``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as`` ('apparent', 'ground', '1000km', 'standard').
     tolerance : float, optional
         Model what may change the light by more than this share; 0.001.
     progress : callable (stage, done, of) or tqdm bar, optional
@@ -1190,7 +1194,7 @@ def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, s
     seed : int
         Seed of the places that are looked at first.
     **reading
-        ``time_column``, ``time_scale``, ``magnitude_column``, ``magnitudes_as``, ``sigma_mag``.
+        ``time_column``, ``time_scale``, ``time_format``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``, and ``object``: the one whose rows are taken of a table of several.
     channels : sequence of str
         Only these.
     largest_albedo : float, optional
@@ -1244,7 +1248,7 @@ def period(curves, channels=(), shortest_s=None, longest_s=None, gap_s=None, har
         Only these.
     progress : callable (stage, done, of) or tqdm bar, optional
     **reading
-        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
+        ``time_column``, ``time_scale``, ``time_format``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`; and ``object``: the one whose rows are taken of a table of several.
 
     Returns
     -------
@@ -2184,7 +2188,7 @@ def fold(curves, period_s, period_sigma_s=None, epoch=None, scene=None, axis=Non
     station : str, optional
         Whose air is removed from rates.
     **reading
-        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
+        ``time_column``, ``time_scale``, ``time_format``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`; and ``object``: the one whose rows are taken of a table of several.
 
     Returns
     -------
@@ -2304,7 +2308,7 @@ def attitude(scene, curves, known=(), period_s=None, sense="both", scale="none",
         Seed of the search.
     progress : callable (stage, done, of) or tqdm bar, optional
     **reading
-        ``time_column``, ``time_scale``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`.
+        ``time_column``, ``time_scale``, ``time_format``, ``magnitude_column``, ``sigma_column``, ``magnitudes_as``, ``sigma_mag``: see :func:`read_photometry`; and ``object``: the one whose rows are taken of a table of several.
 
     Returns
     -------

@@ -393,7 +393,7 @@ def detect(
     aperture_px: float | None = None,
     saturation_adu: float | None = None,
     gain_e_per_adu: float | None = None,
-    is_mosaic: bool = False,
+    bayer: str | None = None,
 ) -> Field: ...
 def fit(
     scene: Scene | _Path | Sequence[Scene | _Path],
@@ -488,9 +488,10 @@ def period(
 def read_photometry(
     path: _Path,
     time_column: str | None = None,
-    time_scale: Literal["utc", "tai", "tt", "tdb"] | None = None,
+    time_scale: Literal["utc", "tai", "tt", "tdb", "gps"] | None = None,
     magnitude_column: str | None = None,
     sigma_column: str | None = None,
+    time_format: Literal["jd", "mjd", "unix", "s", "iso"] | None = None,
     _keep: Any = None,
 ) -> Curve: ...
 def read_table(path: _Path) -> Table: ...

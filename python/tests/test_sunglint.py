@@ -197,7 +197,29 @@ def test_errors_say_where(tmp_path):
     with pytest.raises(sg.Error, match="no such file"):
         sg.Scene(tmp_path / "none.toml")
     with pytest.raises(sg.Error, match="utc, tai, tt, tdb or gps"):
-        sg.read_photometry(synthetic(tmp_path)[0], time_scale="gps")
+        sg.read_photometry(synthetic(tmp_path)[0], time_scale="ut1")
+
+
+def test_columns_are_read_as_the_program_reads_them(tmp_path):
+    """Two objects of which only columns with unusual names tell (synthetic): one of 17 s, one of 29 s. Truth: what the program says of the same options, and the periods."""
+    rows = ["# synthetic", "when,bright,doubt,object"]
+    for i in range(600):
+        noise = ((i * i * 0.6180339887498949) % 1 - 0.5) * 0.05
+        t = i * 0.9 + 0.2 * ((i * 7919) % 13) / 13
+        rows.append(f"{t:.4f},{8 + math.sin(2 * math.pi * t / 17) + noise:.4f},0.02,A")
+        rows.append(f"{t:.4f},{9 + math.sin(2 * math.pi * t / 29) + noise:.4f},0.02,B")
+    (tmp_path / "two.csv").write_text("\n".join(rows) + "\n")
+    said = ["--time-column", "when", "--time-format", "s", "--magnitude-column", "bright", "--sigma-column", "doubt"]
+    mine = dict(time_column="when", time_format="s", magnitude_column="bright", sigma_column="doubt")
+    for name, period_s in (("A", 17), ("B", 29)):
+        theirs = json.loads(program("analyse", "period", tmp_path / "two.csv", *said, "--object", name, "--json", "-q"))
+        found = sg.period(tmp_path / "two.csv", object=name, **mine)
+        same(found.summary, theirs, COSTS)
+        assert abs(found["best"]["period_s"] / period_s - 1) < 0.01 or abs(found["best"]["period_s"] / period_s - 2) < 0.02
+    with pytest.raises(sg.Error, match="2 objects"):
+        sg.period(tmp_path / "two.csv", **mine)
+    with pytest.raises(sg.Error, match="jd, mjd, unix, s or iso"):
+        sg.period(tmp_path / "two.csv", object="A", **{**mine, "time_format": "days"})
 
 
 def test_a_callback_that_fails_ends_the_work():

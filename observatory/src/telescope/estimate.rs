@@ -8,7 +8,7 @@ pub(super) const ARCSEC: f64 = 206_264.806_247_096_36;
 
 /// Time in which a rate that nothing renews falls to 1/e, s. What drives it, a worm's wheel or the wind, turns round within seconds: a target that hides behind a star or a cloud is not to be
 /// looked for ever farther away. (At ten frames a second the rate is renewed long before.)
-const RATE_S: f64 = 4.0;
+const RATE_S: f64 = 2.0;
 
 /// A number and its rate, with covariance: a Kalman filter with a rate that wanders and, by itself, dies away (an Ornstein–Uhlenbeck process).
 #[derive(Debug, Clone, Copy, PartialEq)]
