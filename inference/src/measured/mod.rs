@@ -170,6 +170,7 @@ pub fn prepared(
         })
     };
     let mut data = Data::new(measured.name(), pick(&measured.rate), pick(&measured.sigma));
+    data.is_relative = measured.magnitudes;
     data.used = Array2::from_shape_fn((n, channels.len()), |(i, c)| {
         from[c].is_some_and(|k| measured.used[[i, k]])
     });

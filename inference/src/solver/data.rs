@@ -2,9 +2,13 @@
 
 use super::FitError;
 use ndarray::Array2;
+use sunglint_numerics::order::median;
 
 /// A variance that follows the model's rate stays above this share of the stated one.
 const LEAST_VARIANCE: f64 = 0.1;
+
+/// Samples before and after one whose median stands for its rate before there is a model, where uncertainties are shares of rates.
+const NEIGHBOURS: usize = 4;
 
 /// One measured curve. All curves of a fit have the same channels in the same order; what a curve lacks is not `used`.
 #[derive(Debug, Clone)]
@@ -21,6 +25,9 @@ pub struct Data {
     pub common_variance: Vec<f64>,
     /// Growth of the variance with the rate, ∂σ²/∂rate, epochs × channels: photons. Zeros where the stated variances hold as they are.
     pub variance_slope: Array2<f64>,
+    /// Whether the uncertainties are shares of the rates, as those of magnitudes are: then they follow the model's rates. A sample that is too faint by chance would
+    /// have an uncertainty that is too small by as much, and draw all others.
+    pub is_relative: bool,
     /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
 }
@@ -46,6 +53,7 @@ impl Data {
             name: name.into(),
             common_variance: vec![0.0; rate.nrows()],
             variance_slope: Array2::zeros(rate.raw_dim()),
+            is_relative: false,
             calibration: None,
             rate,
             sigma,
@@ -88,11 +96,27 @@ impl Data {
     pub(super) fn variance(&self, epoch: usize, channel: usize, model: Option<f64>) -> f64 {
         let at = [epoch, channel];
         let stated = self.sigma[at].powi(2);
+        if self.is_relative {
+            let rate = model.unwrap_or_else(|| self.beginning(epoch, channel));
+            let share = self.sigma[at] / self.rate[at].abs();
+            return (share * rate).powi(2).max(LEAST_VARIANCE * stated);
+        }
         match model {
             Some(model) => (stated + self.variance_slope[at] * (model - self.rate[at]))
                 .max(LEAST_VARIANCE * stated),
             None => stated,
         }
+    }
+
+    /// The rate that stands for a sample's before there is a model: its own, or the median of its neighbours' where that is more.
+    pub(super) fn beginning(&self, epoch: usize, channel: usize) -> f64 {
+        let own = self.rate[[epoch, channel]];
+        if !self.is_relative {
+            return own;
+        }
+        let near = epoch.saturating_sub(NEIGHBOURS)..(epoch + NEIGHBOURS + 1).min(self.epochs());
+        let near = near.filter(|i| self.used[[*i, channel]]).map(|i| self.rate[[i, channel]]);
+        median(near).map_or(own, |usual| usual.max(own))
     }
 
     pub(super) fn check(&self) -> Result<(), FitError> {

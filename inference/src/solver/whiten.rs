@@ -51,7 +51,7 @@ impl Whitener {
                 let s = curve.common_variance[i].sqrt();
                 for c in &channels {
                     let model = models.map(|m| m[p][[i, *c]]);
-                    let common = s * model.unwrap_or(curve.rate[[i, *c]]);
+                    let common = s * model.unwrap_or_else(|| curve.beginning(i, *c));
                     let own = curve.variance(i, *c, model);
                     let sigma = (own + (weight(*c).recip() - 1.0) * (own + common * common)).sqrt();
                     inverse.push(sigma.recip());
