@@ -118,6 +118,12 @@ pub fn text(found: &FoundPeriod) -> String {
             percent(*height)
         );
     }
+    if v.is_changing {
+        let _ = writeln!(
+            text,
+            "changing  the light is not the same from turn to turn: its phase may drift by 0.15 of a turn over the data, which is in the uncertainty"
+        );
+    }
     let _ = writeln!(
         text,
         "channels  {} with {} samples, worth {:.1} independent ones; {} of the samples are independent",
@@ -341,6 +347,7 @@ pub fn json(found: &FoundPeriod) -> Value {
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
         })),
+        "changing": v.is_changing,
         "folding": v.folding.map(|f| json!({
             "step_s": rounded(f.step_s), "exposure_s": f.exposure_s.map(rounded), "presumes_full_exposures": f.exposure_s.is_none(), "unnamed": f.unnamed, "shortest_s": finite(f.shortest_s),
         })),

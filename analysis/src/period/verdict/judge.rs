@@ -7,9 +7,12 @@ use super::super::stats::fisher;
 use super::super::{FrequencyGrid, PeriodError, pdm};
 use super::outcome::{Estimate, Member, Membership, Outcome, Question, Reason, Verdict};
 use super::search::Search;
+use super::two::Pair;
 
 /// Fewer turns than that show no repetition.
 const LEAST_TURNS: f64 = 3.0;
+/// Turns over the data by which the phase of a light may drift that changes from turn to turn, as one standard deviation: a glint wanders over a part of a turn while it is seen.
+const DRIFT: f64 = 0.15;
 /// A chance below this is a yes, above the next a no, between them neither.
 const YES: f64 = 1e-4;
 const NO: f64 = 0.02;
@@ -95,7 +98,7 @@ impl Search<'_> {
         let independent = channels * samples;
         let lines = self.lines(channels);
         let harmonics = self.order(base);
-        let best = self.estimate(base, harmonics, independent);
+        let mut best = self.estimate(base, harmonics, independent);
         let turns = self.range.span_s * base;
         let gain = self.gain(base, harmonics);
         let alarm = false_alarm(gain, self.series, harmonics, self.range.highest_hz, independent)?;
@@ -107,9 +110,23 @@ impl Search<'_> {
         answer.independent_channels = channels * self.series.len() as f64;
         answer.independent_samples = samples;
         answer.window_peaks = self.window_peaks()?;
-        if let Some((first, second)) = self.two_periods(base, harmonics, &answer.window_peaks) {
-            answer.outcome = Outcome::Two(first, second);
-            return Ok(());
+        match self.two_periods(base, harmonics, &answer.window_peaks, independent) {
+            Some(Pair::Two(first, second)) => {
+                answer.outcome = Outcome::Two(first, second);
+                return Ok(());
+            }
+            Some(Pair::Either(first, second)) => {
+                let (first_s, second_s) = (first.period_s, second.period_s);
+                answer.outcome = Outcome::NotEnough(Reason::OneOrTwo { first_s, second_s });
+                return Ok(());
+            }
+            Some(Pair::Changing) => {
+                answer.is_changing = true;
+                let drift_s = DRIFT * best.period_s / turns;
+                best.sigma_s = best.sigma_s.hypot(drift_s);
+                answer.best = Some(best);
+            }
+            None => {}
         }
         if turns < LEAST_TURNS {
             let period_s = best.period_s;

@@ -49,6 +49,7 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
         searched_s: None,
         window_peaks: Vec::new(),
         folding: None,
+        is_changing: false,
         independent_channels: 0.0,
         independent_samples: 1.0,
         left_out: Vec::new(),

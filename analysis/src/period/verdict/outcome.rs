@@ -95,6 +95,16 @@ pub enum Reason {
         /// The chance.
         chance: f64,
     },
+    /// Two periods, or a light that changes.
+    #[error(
+        "two periods at once, {first_s:.6} s and {second_s:.6} s, or one of a light that changes within a part of the data: small multiples of both lie within {within} turns of one another, and more turns would tell", within = super::two::WELL_APART
+    )]
+    OneOrTwo {
+        /// The period with more light, s.
+        first_s: f64,
+        /// The other, s.
+        second_s: f64,
+    },
     /// Nothing that repeats often enough.
     #[error(
         "the best period, {period_s:.6} s, fits only {turns:.2} times into the data: at least {least} turns are needed to see it repeat, {wanted_s:.0} s of data"
@@ -176,6 +186,9 @@ pub struct Verdict {
     pub window_peaks: Vec<(f64, f64)>,
     /// Even sampling, and what it cannot tell from the best; `None` where the sampling is uneven.
     pub folding: Option<Folding>,
+    /// Whether the light changes from turn to turn, so that two frequencies near a small multiple of one another explain it better than one: then its phase may drift by 0.15 of a turn over the
+    /// data, which is in the uncertainties.
+    pub is_changing: bool,
     /// Channels that say something of their own: fewer than there are where the noise is shared.
     pub independent_channels: f64,
     /// The share of the samples that are independent of their neighbours.

@@ -13,9 +13,8 @@ pub(super) const RIVAL: f64 = 12.0;
 const WINDOW_PEAK: f64 = 0.3;
 /// Samples whose window has a peak this high are even: f and f_s ± f are the same to them.
 const EVEN: f64 = 0.9;
-/// Shortest folded period, in exposures, and the same of the turn of its highest harmonic that stands out: shorter ones are averaged away.
-const LEAST_EXPOSURES: f64 = 2.0;
-const LEAST_OF_HARMONIC: f64 = 1.25;
+/// Shortest turn, in exposures, of the highest harmonic that stands out at a folded period: an exposure leaves 10 % of the amplitude of this (sin πx/πx), and nothing of one turn.
+const LEAST_EXPOSURES: f64 = 1.1;
 /// Folded periods that are named.
 const MOST_FOLDED: usize = 12;
 /// Harmonics of a folded turn that are fitted.
@@ -96,8 +95,7 @@ impl Search<'_> {
         if !known {
             return Some((folding, Vec::new()));
         }
-        let of_harmonic = 1.0 / (LEAST_OF_HARMONIC * longest * harmonics as f64);
-        let highest_hz = (1.0 / (LEAST_EXPOSURES * longest)).min(of_harmonic);
+        let highest_hz = 1.0 / (LEAST_EXPOSURES * longest * harmonics as f64);
         let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
         let least = self.gain(base, harmonics) - cost * harmonics as f64 - RIVAL / independent;
         let does_as_well =

@@ -2,12 +2,12 @@
 //!
 //! Light with two frequencies that have no common period has no period. A search for one finds a long one, of which both are nearly parts, with many harmonics; or one of the two, which leaves the other. So where many harmonics stand
 //! out, or few leave a strong line, the light is fitted by a lattice of two free frequencies: f₁, f₂, twice each, their sum, their difference, 2f₁ − f₂ and 2f₂ − f₁. If that leaves clearly less than the
-//! harmonics do, the light has two periods. Two frequencies that are harmonics of one with four turns in the data are none; beside few harmonics neither are those near a small multiple of one another, which is light that changes
-//! from turn to turn, nor those of the gaps.
+//! harmonics do, the light has two periods. Two frequencies that are harmonics of one with four turns in the data are none. Those near a small multiple of one another may be light of one period that changes
+//! from turn to turn, as that of a glint which is seen for a part of a pass; then the phase of the light may drift, too. Beside few harmonics those of the gaps are none, either.
 
 use super::super::fit::fit;
 use super::super::lines::MOST as MOST_HARMONICS;
-use super::super::significance::joint_gain;
+use super::super::significance::{false_alarm, joint_gain};
 use super::super::sums::turns;
 use super::super::{lomb_scargle, spectrum::median_step};
 use super::outcome::Estimate;
@@ -32,10 +32,11 @@ const LEAST_HARMONICS: usize = 9;
 /// Beside fewer: share of the whole variance that a line has which they leave, at least; and the gain that the lattice must have more for each harmonic that they are fewer.
 const LEFT: f64 = 0.1;
 const EACH_MORE: f64 = 10.0;
-/// Beside fewer: multiples of both that are compared (their sum, at most), and turns over the span by which they differ at least, as from a window's peak of at least such a height. Light that
-/// changes over a pass by its phase angle has lines beside its own, a turn or so away.
+/// Multiples of both that are compared (their sum, at most), and turns over the span by which they differ: light that changes over a pass by its phase angle has lines beside its own, a turn or so away;
+/// glints that are seen for a half of it, two. Beside few harmonics the same holds for a window's peak of at least such a height.
 const MULTIPLES: u32 = 7;
 const APART: f64 = 1.5;
+pub const WELL_APART: f64 = 2.5;
 const WINDOW: f64 = 0.25;
 /// Samples in all at most: more are not asked.
 const MOST_SAMPLES: usize = 20_000;
@@ -47,8 +48,23 @@ const LEAVES: f64 = 0.8;
 const COMMON_TURNS: f64 = 4.0;
 /// Turns over the span by which each of two frequencies may miss a harmonic of a common one.
 const COMMON: f64 = 0.05;
+/// Pairs with a half or a third of a frequency that must be better by this: a strong second harmonic is found for its frequency.
+const DEEPER: f64 = 20.0;
+/// Most of a chance that noise would do as well.
+const CHANCE: f64 = 1e-3;
 /// Turns of the slower of the two at least.
 const LEAST_TURNS: f64 = 3.0;
+
+/// Explanation of a light by two frequencies that is better than that by one.
+#[derive(Debug, Clone, Copy)]
+pub enum Pair {
+    /// Two periods, the one with more light first.
+    Two(Estimate, Estimate),
+    /// Those, or one whose light changes within a part of the data.
+    Either(Estimate, Estimate),
+    /// One whose light changes from turn to turn.
+    Changing,
+}
 
 /// The share of the weighted variance of a series that the lattice explains; `None` where its terms cannot be told apart.
 fn share(series: &Series, first_hz: f64, second_hz: f64) -> Option<f64> {
@@ -111,17 +127,19 @@ fn is_common(first_hz: f64, second_hz: f64, span_s: f64) -> bool {
     })
 }
 
-/// Whether small multiples of two frequencies are the same but for what changes over a span, or come to be the same by the times of the samples (frequencies of the window, among them that of even
-/// samples).
-fn are_multiples(first_hz: f64, second_hz: f64, window_hz: &[f64], span_s: f64) -> bool {
-    let same = |p: u32, q: u32| {
-        let (a, b) = (first_hz * f64::from(q), second_hz * f64::from(p));
-        let near = |f: f64| f.abs() * span_s < APART;
-        let folded =
-            |w: &f64| [1.0, 2.0].iter().any(|k| near(a + b - k * w) || near((a - b).abs() - k * w));
-        near(a - b) || window_hz.iter().any(folded)
-    };
-    (1..MULTIPLES).any(|p| (1..=MULTIPLES - p).any(|q| same(p, q)))
+/// The least by which small multiples of two frequencies differ over a span, turns; also where the times of the samples (frequencies of the window, among them that of even samples) fold them.
+fn multiples_apart(first_hz: f64, second_hz: f64, window_hz: &[f64], span_s: f64) -> f64 {
+    let mut least = f64::INFINITY;
+    for p in 1..MULTIPLES {
+        for q in 1..=MULTIPLES - p {
+            let (a, b) = (first_hz * f64::from(q), second_hz * f64::from(p));
+            least = least.min((a - b).abs());
+            for w in window_hz.iter().flat_map(|w| [*w, 2.0 * w]) {
+                least = least.min((a + b - w).abs()).min(((a - b).abs() - w).abs());
+            }
+        }
+    }
+    least * span_s
 }
 
 impl Search<'_> {
@@ -169,13 +187,35 @@ impl Search<'_> {
         Some(lines)
     }
 
-    /// Two periods that explain the light better than `harmonics` of `base` do; the one with more light first.
+    /// Goes uphill from a pair of frequencies by halves of ever smaller steps.
+    fn climb(&self, gain: f64, pair: [f64; 2]) -> (f64, [f64; 2]) {
+        let resolution = 1.0 / self.range.span_s;
+        let (mut at, mut pair) = (gain, pair);
+        let mut step = 0.25 * resolution;
+        while step > 1e-3 * resolution {
+            let mut moved = false;
+            for (k, by) in [(0, step), (0, -step), (1, step), (1, -step)] {
+                let mut next = pair;
+                next[k] += by;
+                if let Some(found) = self.gain_of_two(next[0], next[1]).filter(|g| *g > at) {
+                    (at, pair, moved) = (found, next, true);
+                }
+            }
+            if !moved {
+                step *= 0.5;
+            }
+        }
+        (at, pair)
+    }
+
+    /// Two frequencies that explain the light better than `harmonics` of `base` do. `independent` is as how many samples one counts.
     pub fn two_periods(
         &self,
         base: f64,
         harmonics: usize,
         window: &[(f64, f64)],
-    ) -> Option<(Estimate, Estimate)> {
+        independent: f64,
+    ) -> Option<Pair> {
         let few = harmonics < LEAST_HARMONICS;
         if self.samples() > MOST_SAMPLES || few && !self.leaves_a_line(base, harmonics) {
             return None;
@@ -192,29 +232,27 @@ impl Search<'_> {
             }
         }
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut best: Option<(f64, f64, f64)> = None;
+        let mut best: Option<(f64, [f64; 2])> = None;
         for (gain, a, b) in pairs.into_iter().take(3) {
-            let (mut at, mut pair) = (gain, [a, b]);
-            // Uphill by halves of ever smaller steps.
-            let mut step = 0.25 * resolution;
-            while step > 1e-3 * resolution {
-                let mut moved = false;
-                for (k, by) in [(0, step), (0, -step), (1, step), (1, -step)] {
-                    let mut next = pair;
-                    next[k] += by;
-                    if let Some(found) = self.gain_of_two(next[0], next[1]).filter(|g| *g > at) {
-                        (at, pair, moved) = (found, next, true);
-                    }
-                }
-                if !moved {
-                    step *= 0.5;
-                }
-            }
-            if best.is_none_or(|(highest, ..)| at > highest) {
-                best = Some((at, pair[0], pair[1]));
+            let found = self.climb(gain, [a, b]);
+            if best.is_none_or(|best| found.0 > best.0) {
+                best = Some(found);
             }
         }
-        let (gain, first, second) = best?;
+        let (mut gain, mut pair) = best?;
+        for part in [[2.0, 1.0], [1.0, 2.0], [3.0, 1.0], [1.0, 3.0]] {
+            let deeper = [pair[0] / part[0], pair[1] / part[1]];
+            let slowest = deeper[0].min(deeper[1]);
+            if slowest * self.range.span_s < LEAST_TURNS {
+                continue;
+            }
+            let Some(there) = self.gain_of_two(deeper[0], deeper[1]) else { continue };
+            let found = self.climb(there, deeper);
+            if found.0 > gain + DEEPER {
+                (gain, pair) = found;
+            }
+        }
+        let [first, second] = pair;
         let slowest = first.min(second);
         let fastest_s =
             self.series.iter().filter_map(|s| median_step(s)).fold(f64::INFINITY, f64::min);
@@ -223,16 +261,22 @@ impl Search<'_> {
         let of_window: Vec<f64> =
             window.iter().filter(|(_, height)| *height >= WINDOW).map(|(at, _)| *at).collect();
         let of_gaps = |f: f64| of_window.iter().any(|w| (w - f).abs() * self.range.span_s < APART);
+        let by_chance =
+            false_alarm(gain, self.series, LATTICE.len(), self.range.highest_hz, independent);
+        // As many second frequencies as there are first ones.
+        let second_ones = self.range.highest_hz * self.range.span_s;
         if gain < single + better
             || slowest * self.range.span_s < LEAST_TURNS
             || slowest <= 0.0
             || 2.0 * fastest_s * first.max(second) > 1.0
+            || by_chance.is_ok_and(|p| p * second_ones > CHANCE)
             || is_common(first, second, self.range.span_s)
-            || few
-                && (are_multiples(first, second, &of_window, self.range.span_s)
-                    || of_gaps(first)
-                    || of_gaps(second))
         {
+            return None;
+        }
+        let folded = || multiples_apart(first, second, &of_window, self.range.span_s) < APART;
+        let apart = multiples_apart(first, second, &[], self.range.span_s);
+        if few && apart >= APART && (folded() || of_gaps(first) || of_gaps(second)) {
             return None;
         }
         let estimate = |k: usize| {
@@ -265,6 +309,15 @@ impl Search<'_> {
         let (_, strongest, told) = *terms.first()?;
         let spans = |(i, j): (f64, f64)| (strongest.0 * j - strongest.1 * i).abs() == 1.0;
         let (_, _, beside) = *terms.iter().find(|(_, term, _)| spans(*term))?;
-        Some((told, beside))
+        let turns = |e: Estimate| self.range.span_s / e.period_s;
+        if turns(told).min(turns(beside)) < LEAST_TURNS {
+            return (apart < APART).then_some(Pair::Changing);
+        }
+        let [one, other] = [told, beside].map(|e| 1.0 / e.period_s);
+        Some(match apart.min(multiples_apart(one, other, &[], self.range.span_s)) {
+            apart if apart < APART => Pair::Changing,
+            apart if apart < WELL_APART => Pair::Either(told, beside),
+            _ => Pair::Two(told, beside),
+        })
     }
 }
