@@ -22,7 +22,7 @@ pub struct ImportArgs {
     /// The column of their standard uncertainties [default: sigma_mag, mag_err …]
     #[arg(long, value_name = "NAME")]
     pub sigma_column: Option<String>,
-    /// Of a table of several objects: the one whose rows are taken
+    /// The object whose rows are taken, of a table of several
     #[arg(long, value_name = "NAME")]
     pub object: Option<String>,
     /// Write a CCSDS tracking data message (KVN) as well
