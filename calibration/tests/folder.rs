@@ -1,5 +1,7 @@
 //! Calibration frames of a folder: which are used, and what is said of the others. All frames are synthetic.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use ndarray::Array2;
 use rand::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
