@@ -5,7 +5,7 @@ use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
-use sunglint_formats::photometry::{self, ColumnNames, write};
+use sunglint_formats::photometry::{self, ColumnNames, ImportError, ObjectRows, write};
 use sunglint_report::import::Summary;
 
 /// Arguments of `sunglint import`.
@@ -22,6 +22,9 @@ pub struct ImportArgs {
     /// The column of their standard uncertainties [default: sigma_mag, mag_err …]
     #[arg(long, value_name = "NAME")]
     pub sigma_column: Option<String>,
+    /// The object whose rows are taken, of a table of several
+    #[arg(long, value_name = "NAME")]
+    pub object: Option<String>,
     /// Write a CCSDS tracking data message (KVN) as well
     #[arg(long, value_name = "FILE")]
     pub tdm: Option<PathBuf>,
@@ -56,7 +59,12 @@ pub fn run(args: &ImportArgs, console: Console) -> anyhow::Result<()> {
     names.magnitude.clone_from(&args.magnitude_column);
     names.sigma.clone_from(&args.sigma_column);
     let bytes = sunglint_formats::read::bytes(&args.file)?;
-    let mut import = photometry::import(&args.file, bytes, &names)?;
+    let rows = args.object.clone().map_or(ObjectRows::One, ObjectRows::Of);
+    let mut import =
+        photometry::import(&args.file, bytes, &names, &rows).map_err(|error| match error {
+            ImportError::Objects { .. } => anyhow::anyhow!("{error} (--object NAME)"),
+            error => error.into(),
+        })?;
     if let Some(target) = &args.target {
         import.samples.target.clone_from(target);
     }

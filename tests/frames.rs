@@ -143,7 +143,7 @@ fn a_folder_of_another_program_becomes_a_light_curve() {
     let speed = motion[0].as_f64().unwrap().hypot(motion[1].as_f64().unwrap());
     assert!((speed - 4.0).abs() < 0.05, "{speed}");
     let left = result["left_out"].to_string();
-    for words in ["cannot be read", "without a time", "dark frames of other exposure"] {
+    for words in ["cannot be read", "without a time", "dark frames of another exposure"] {
         assert!(left.contains(words), "{left}");
     }
     assert_eq!(

@@ -1,6 +1,7 @@
 //! Errors of an archive.
 
 use std::path::PathBuf;
+use sunglint_formats::photometry::ImportError;
 use sunglint_formats::{FileError, ParseError, TableError};
 use sunglint_numerics::progress::Cancelled;
 use sunglint_study::StudyError;
@@ -15,6 +16,9 @@ pub enum ArchiveError {
     /// A table of the index cannot be written.
     #[error(transparent)]
     Table(#[from] StudyError),
+    /// A file of magnitudes that cannot be read.
+    #[error(transparent)]
+    Import(#[from] ImportError),
     /// A column that is not there.
     #[error(transparent)]
     Column(#[from] TableError),

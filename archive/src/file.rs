@@ -3,7 +3,7 @@
 use hifitime::Epoch;
 use std::path::Path;
 use sunglint_ephemeris::orbit::elements;
-use sunglint_formats::photometry::{self, ColumnNames, Import};
+use sunglint_formats::photometry::{self, ColumnNames, Import, ImportError, ObjectRows};
 use sunglint_formats::session::{Session, TargetKind};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{FileError, Table, read, text_table};
@@ -104,20 +104,28 @@ pub fn look(path: &Path) -> Result<Contents, FileError> {
             });
         }
         // A table without magnitudes is something else: a summary, a list of passes.
-        return Ok(match photometry::import(path, text.into_bytes(), &ColumnNames::default()) {
+        return Ok(match import(path, text) {
             Ok(mut import) => {
                 if import.samples.target.is_empty() {
                     table.meta_text("target").unwrap_or("").clone_into(&mut import.samples.target);
                 }
                 Contents::Light(of_photometry(&import))
             }
+            // Its light is known, and whose it is stands in no index: it is named, not passed over.
+            Err(error @ ImportError::Objects { .. }) => Contents::Damaged(error.to_string()),
             Err(_) => Contents::Other,
         });
     }
-    Ok(match photometry::import(path, text.into_bytes(), &ColumnNames::default()) {
+    Ok(match import(path, text) {
         Ok(import) => Contents::Light(of_photometry(&import)),
+        Err(error @ ImportError::Objects { .. }) => Contents::Damaged(error.to_string()),
         Err(error) => fault(error.to_string()),
     })
+}
+
+/// Magnitudes of one object.
+fn import(path: &Path, text: String) -> Result<Import, ImportError> {
+    photometry::import(path, text.into_bytes(), &ColumnNames::default(), &ObjectRows::One)
 }
 
 /// Whether a table is what [`crate::join`] makes: it says so in its provenance, whether the program or Python wrote it.

@@ -6,7 +6,7 @@ use crate::{ArchiveError, Found};
 use hifitime::Epoch;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
-use sunglint_formats::photometry::{self, ColumnNames};
+use sunglint_formats::photometry::{self, ColumnNames, ObjectRows};
 use sunglint_formats::time::{format_utc_shortest, tai_nanoseconds};
 use sunglint_formats::{Column, Meta, Table, read, sha256, text_table};
 use sunglint_radiometry::light_curve::{
@@ -344,7 +344,7 @@ fn magnitudes(found: &Found, query: &Query, archive: &Path) -> Result<Joined, Ar
         let path = archive.join(name);
         let bytes = read::bytes_of_text(&path)?;
         inputs.push(Input { file: name.to_owned(), sha256: sha256(&bytes) });
-        let import = photometry::import(&path, bytes, &ColumnNames::default())?;
+        let import = photometry::import(&path, bytes, &ColumnNames::default(), &ObjectRows::One)?;
         let filters = file::filters(&import);
         let read = import.samples;
         if read.is_relative {

@@ -7,6 +7,7 @@ mod counts;
 mod dead_time;
 mod efficiency;
 mod events;
+mod folder;
 mod glints;
 mod intervals;
 mod photometry;

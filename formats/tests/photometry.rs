@@ -484,10 +484,10 @@ fn votable_columns_refer_to_their_time_system() {
 /// 1709661600 (date -u -d 2024-03-05T18:00Z +%s).
 mod made_by_others {
     use super::*;
-    use sunglint_formats::photometry::{Import, TimeFormat, import};
+    use sunglint_formats::photometry::{Import, ObjectRows, TimeFormat, import, write};
 
     fn read_as(bytes: &[u8], names: &ColumnNames) -> Result<Import, String> {
-        import("t.txt", bytes.to_vec(), names).map_err(|error| error.to_string())
+        import("t.txt", bytes.to_vec(), names, &ObjectRows::One).map_err(|error| error.to_string())
     }
 
     fn names(change: impl Fn(&mut ColumnNames)) -> ColumnNames {
@@ -599,7 +599,7 @@ mod made_by_others {
         let notes = found.samples.notes.join("\n");
         for words in [
             "mag: 1 cells are limits, no values (the first in line 3: `>16.9`)",
-            "mag: 1 cells hold no value (the first in line 4: `--`)",
+            "mag: 2 cells hold no value (the first in line 4: `--`)",
             "mag: 1 cells are no numbers (the first in line 7: `bright`)",
             "1 rows without a time are left out (the first in line 12)",
             "1 rows are left out: they do not have 2 values, as many as names (the first in line 13: 1)",
@@ -610,6 +610,139 @@ mod made_by_others {
         assert!(error.contains("time_utc, row 1"), "{error}");
         let error = read("time_utc,mag\n1\n2\n2024-03-05T18:00:00,3\n").unwrap_err();
         assert!(error.starts_with("t.txt:2: found 1 fields"), "{error}");
+    }
+
+    /// Exposures stand under many names. Truth: the documents of those who write them (FITS: `EXPTIME`, seconds), the words `_ms`, and the unit that the table itself states.
+    #[test]
+    fn exposures_under_other_names() {
+        let of = |head: &str, value: &str| {
+            let rows = format!(
+                "{head}\n2024-03-05T18:00:00Z,7.25,{value}\n2024-03-05T18:00:02Z,7.5,{value}\n"
+            );
+            read(&rows).unwrap()
+        };
+        for name in [
+            "exposure_s",
+            "exptime",
+            "EXP_TIME",
+            "exposure",
+            "Exposure_Time",
+            "exp",
+            "t_exp",
+            "texp",
+            "itime",
+            "exp_s",
+            "exptime_s",
+        ] {
+            let found = of(&format!("time_utc,mag,{name}"), "0.5");
+            assert_eq!(found.samples.exposure_s, Some(vec![0.5, 0.5]), "{name}");
+            assert!(
+                found.columns.contains(&("exposure", name.to_owned())) && found.unused.is_empty()
+            );
+        }
+        for name in ["exposure_ms", "exptime_ms"] {
+            let found = of(&format!("time_utc,mag,{name}"), "500");
+            assert_eq!(found.samples.exposure_s, Some(vec![0.5, 0.5]), "{name}");
+        }
+        // A unit comes before the name.
+        let ecsv = |unit: &str| {
+            format!(
+                "# %ECSV 1.0\n# ---\n# datatype:\n# - {{name: time_utc, datatype: string}}\n# - {{name: mag, datatype: float64}}\n# - {{name: exptime, unit: {unit}, datatype: float64}}\n\
+             time_utc mag exptime\n2024-03-05T18:00:00Z 7.25 30\n2024-03-05T18:00:02Z 7.5 30\n"
+            )
+        };
+        for (unit, seconds) in [("s", 30.0), ("ms", 0.03), ("min", 1800.0)] {
+            let found = read(&ecsv(unit)).unwrap();
+            assert_eq!(found.samples.exposure_s, Some(vec![seconds; 2]), "{unit}");
+        }
+        // Any that is none makes all unknown, and is told.
+        for (found, words) in [
+            (read(&ecsv("pix")).unwrap(), "its unit, `pix`, is none of time"),
+            (
+                of("time_utc,mag,exptime", "0"),
+                "2 of its 2 values are not above 0 (the first in row 1: 0)",
+            ),
+            (of("time_utc,mag,exptime", "-1"), "not above 0"),
+            (of("time_utc,mag,exptime", "nan"), "not above 0"),
+            (of("time_utc,mag,exptime", "0.5 s"), "it does not hold numbers"),
+        ] {
+            assert_eq!(found.samples.exposure_s, None, "{words}");
+            let notes = found.samples.notes.join("\n");
+            assert!(notes.contains(words) && notes.contains("not known"), "{words}: {notes}");
+        }
+    }
+
+    /// Truth: the rows: three of one object and two of another, one of them twice.
+    #[test]
+    fn one_object_is_taken() {
+        let text = "# synthetic\ntime_utc,object,mag,filter\n2024-03-05T18:00:00Z,SAT A,7.25,V\n2024-03-05T18:00:01Z,SAT B,9.0,R\n2024-03-05T18:00:02Z,SAT A,7.5,B\n\
+                    2024-03-05T18:00:02Z,SAT A,7.5,B\n2024-03-05T18:00:03Z,SAT B,9.5,R\n";
+        let of = |rows: ObjectRows| {
+            import("t.csv", text.as_bytes().to_vec(), &ColumnNames::default(), &rows)
+        };
+        let refused = of(ObjectRows::One).unwrap_err().to_string();
+        for words in
+            ["t.csv: its rows are of 2 objects (column `object`)", "SAT A (3 rows), SAT B (2 rows)"]
+        {
+            assert!(refused.contains(words), "{refused}");
+        }
+        let found = of(ObjectRows::Of("SAT A".into())).unwrap();
+        assert_eq!(found.samples.magnitude, [7.25, 7.5, 7.5]);
+        assert_eq!(found.samples.filter, Some(["V", "B", "B"].map(str::to_owned).to_vec()));
+        assert_eq!((found.samples.target.as_str(), found.samples.time.len()), ("SAT A", 3));
+        let notes = found.samples.notes.join("\n");
+        for words in ["3 of 5 rows are of the object", "1 rows stand there twice"] {
+            assert!(notes.contains(words), "{words}: {notes}");
+        }
+        let refused = of(ObjectRows::Of("SAT C".into())).unwrap_err().to_string();
+        assert!(
+            refused.contains("no row is of the object SAT C") && refused.contains("SAT B (2 rows)")
+        );
+        assert_eq!(of(ObjectRows::All).unwrap().samples.time.len(), 5);
+        let tdm = "CCSDS_TDM_VERS = 2.0\nMETA_START\nTIME_SYSTEM = UTC\nPARTICIPANT_1 = SITE\nPARTICIPANT_2 = SAT A\nPATH = 2,1\nMETA_STOP\nDATA_START\nMAG = 2024-03-05T18:00:00 7.25\nDATA_STOP\n";
+        let of = |name: &str| {
+            let rows = ObjectRows::Of(name.into());
+            import("t.tdm", tdm.as_bytes().to_vec(), &ColumnNames::default(), &rows)
+        };
+        assert!(of("SAT A").is_ok());
+        assert!(of("SAT B").unwrap_err().to_string().contains("it has SAT A"));
+    }
+
+    /// Truth: the rows: five magnitudes, and four numbers that stand for none. Fluxes may be any number.
+    #[test]
+    fn numbers_that_stand_for_none_are_none() {
+        let values = ["7.25", "99.999", "7.5", "-9.99", "7.5", "0.0", "7.5", "999", "7.5"];
+        let text = |name: &str| {
+            let rows = values.iter().enumerate();
+            let rows = rows.map(|(i, v)| format!("2024-03-05T18:00:{i:02}Z,{v}\n"));
+            format!("time_utc,{name}\n{}", rows.collect::<String>())
+        };
+        let found = read(&text("mag")).unwrap();
+        let told: Vec<bool> = found.samples.magnitude.iter().map(|m| m.is_finite()).collect();
+        assert_eq!(told, [true, false, true, false, true, false, true, false, true]);
+        let notes = found.samples.notes.join("\n");
+        assert!(notes.contains("4 magnitudes are words for a missing one"), "{notes}");
+        let written = write::alcdef(&found.samples, &write::Sender::default()).unwrap();
+        assert_eq!(written.lines().filter(|l| l.starts_with("DATA=")).count(), 5);
+        let fluxes = read(&text("flux")).unwrap();
+        assert_eq!(fluxes.samples.magnitude.iter().filter(|m| m.is_finite()).count(), 7);
+    }
+
+    /// Text is UTC where nothing says another scale, in one column or in two, and a note says it.
+    #[test]
+    fn text_without_a_scale_is_utc() {
+        for text in [
+            "date;time;mag\n2024-03-05;18:00:00;7,25\n2024-03-05;18:00:02;7,5\n",
+            "time,mag\n2024-03-05T18:00:00,7.25\n2024-03-05T18:00:02,7.5\n",
+        ] {
+            let found = read(text).unwrap();
+            holds(&found, 9);
+            let notes = found.samples.notes.join("\n");
+            assert!(notes.contains("times without a scale or an offset are UTC"), "{notes}");
+        }
+        let tai = names(|n| n.scale = Some(Scale::Tai));
+        assert!(read_as(b"time,mag\n2024-03-05T18:00:00,7.25\n", &tai).is_err());
+        assert!(read("jd,mag\n2460375.25,7.25\n").unwrap_err().contains("--time-scale"));
     }
 
     /// A file in the layout of AAVSO's extended format, one of ATLAS's forced photometry, and one with another name of the uncertainty (synthetic). Truth: their documents: times of AAVSO are UT,

@@ -174,13 +174,17 @@ impl Reading {
         })
     }
 
+    fn rows(&self) -> ObjectRows {
+        self.object.clone().map_or(ObjectRows::One, ObjectRows::Of)
+    }
+
     /// Options of the reader.
     pub fn options(&self) -> Result<MagnitudeOptions, Failure> {
         Ok(MagnitudeOptions {
             columns: self.names()?,
             kind: self.kind()?,
             sigma_mag: self.sigma_mag,
-            rows: self.object.clone().map_or(ObjectRows::One, ObjectRows::Of),
+            rows: self.rows(),
         })
     }
 }
@@ -483,7 +487,7 @@ fn read_photometry<'py>(
     let own = path.clone();
     let (read, outcome) = run(py, None, move |_| {
         let bytes = sunglint_formats::read::bytes(&own)?;
-        let read = photometry::import(&own, bytes, &reading.names()?)?;
+        let read = photometry::import(&own, bytes, &reading.names()?, &reading.rows())?;
         let summary = import::Summary::new(&read);
         let stem = own.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let product = summary.product(&stem, &read)?;

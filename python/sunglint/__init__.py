@@ -955,7 +955,7 @@ def _reading(time_column=None, time_scale=None, time_format=None, magnitude_colu
     )
 
 
-def read_photometry(path, time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, time_format=None, _keep=None):
+def read_photometry(path, time_column=None, time_scale=None, magnitude_column=None, sigma_column=None, time_format=None, object=None, _keep=None):
     """Reads a light curve of any program: ECSV, CSV, FITS tables, EOSSA, VOTable, TDM, ALCDEF, MMT-9.
 
     Parameters
@@ -967,12 +967,14 @@ def read_photometry(path, time_column=None, time_scale=None, magnitude_column=No
         Of times whose column names no scale.
     time_format : {'jd', 'mjd', 'unix', 's', 'iso'}, optional
         Of times as numbers whose column's name does not say what they are.
+    object : str, optional
+        Of a table of several objects: the one whose rows are taken.
 
     Returns
     -------
     Curve
     """
-    reading = _reading(time_column, time_scale, time_format, magnitude_column, sigma_column)
+    reading = _reading(time_column, time_scale, time_format, magnitude_column, sigma_column, object=object)
     path = _path(path)
     return Curve(path, reading, _core.read_photometry(path, reading), _keep)
 

@@ -492,6 +492,7 @@ def read_photometry(
     magnitude_column: str | None = None,
     sigma_column: str | None = None,
     time_format: Literal["jd", "mjd", "unix", "s", "iso"] | None = None,
+    object: str | None = None,
     _keep: Any = None,
 ) -> Curve: ...
 def read_table(path: _Path) -> Table: ...

@@ -19,12 +19,12 @@ use crate::field_stars::{
     StarMeasurement, System, ZeroPoint,
 };
 use crate::photometry::field::{
-    Along, Field, FieldOptions, Growth, along, find, green_light, plateau,
+    Along, Field, FieldOptions, Growth, along, cut_flat, find, green_light, plateau,
 };
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame, ReadOptions};
@@ -223,6 +223,8 @@ const NEAR_C: f64 = 2.0;
 struct Entry {
     header: FrameHeader,
     kind: FrameKind,
+    /// Value at which many pixels of a flat are cut off, ADU.
+    cut_adu: Option<f64>,
 }
 
 fn near(a: f64, b: f64, share: f64) -> bool {
@@ -242,6 +244,29 @@ fn same_camera(a: &FrameHeader, b: &FrameHeader) -> bool {
         && both(a.offset_setting, b.offset_setting)
 }
 
+/// Settings in which a calibration frame differs from what it would be taken for, in words.
+fn differences(frame: &Entry, like: &FrameHeader) -> Vec<&'static str> {
+    let own = &frame.header;
+    let apart = |a: Option<f64>, b: Option<f64>, share: f64| match (a, b) {
+        (Some(a), Some(b)) => !near(a, b, share),
+        _ => false,
+    };
+    let is_dark = frame.kind == FrameKind::Dark;
+    let is_flat = frame.kind == FrameKind::Flat;
+    let exposure = like.exposure_s.unwrap_or(0.0);
+    let all = [
+        ("size", own.size != like.size),
+        ("binning", own.binning != like.binning),
+        ("window", own.origin != like.origin),
+        ("gain", apart(own.gain_setting, like.gain_setting, 1e-6)),
+        ("offset", apart(own.offset_setting, like.offset_setting, 1e-6)),
+        ("exposure", is_dark && !own.exposure_s.is_some_and(|s| near(s, exposure, 0.01))),
+        ("temperature", !is_flat && !same_temperature(own, like)),
+        ("filter", is_flat && own.filter != like.filter),
+    ];
+    all.into_iter().filter(|(_, differ)| *differ).map(|(name, _)| name).collect()
+}
+
 fn same_temperature(a: &FrameHeader, b: &FrameHeader) -> bool {
     match (a.temperature_c, b.temperature_c) {
         (Some(a), Some(b)) => (a - b).abs() <= NEAR_C,
@@ -254,6 +279,18 @@ fn same_temperature(a: &FrameHeader, b: &FrameHeader) -> bool {
 struct Masters {
     dark: Option<Array2<f32>>,
     flat: Option<Array2<f32>>,
+    /// Notes on how they were made.
+    notes: Vec<&'static str>,
+}
+
+/// Calibration frames of a folder.
+struct Calibration<'a> {
+    entries: &'a [Entry],
+    options: &'a ReadOptions,
+    /// Those that went into a master.
+    used: BTreeSet<&'a Path>,
+    /// Settings of the flats that were used: frames may be dark frames of these alone.
+    flats: Vec<&'a FrameHeader>,
 }
 
 /// Reduces frames of any program.
@@ -302,6 +339,7 @@ pub fn reduce_frames(
     lights.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.path.cmp(&b.1.path)));
     let mut fields = Vec::new();
     let mut masters: Vec<(&FrameHeader, Masters)> = Vec::new();
+    let mut calibration = Calibration::new(&entries, &options.reading);
     for (time, header) in &lights {
         step(progress, 1)?;
         let alike = |of: &FrameHeader| {
@@ -312,7 +350,7 @@ pub fn reduce_frames(
                 && of.is_without_dark() == header.is_without_dark()
         };
         if !masters.iter().any(|(of, _)| alike(of)) {
-            let made = folder.masters(header, &entries, &options.reading);
+            let made = calibration.masters(header);
             masters.push((header, made));
         }
         let Some(number) = masters.iter().position(|(of, _)| alike(of)) else { continue };
@@ -342,9 +380,13 @@ pub fn reduce_frames(
         for note in frame.header.notes.iter().chain(&field.remarks) {
             *folder.notes.entry(note.clone()).or_default() += 1;
         }
+        for note in &made.notes {
+            *folder.notes.entry((*note).to_owned()).or_default() += 1;
+        }
         fields.push(Seen { time: *time, header, field, masters: number });
     }
     *folder.used.entry("light").or_default() += fields.len();
+    folder.tell(&calibration, &lights);
     let growths: Vec<Option<Growth>> = fields.iter().map(|f| f.field.growth.clone()).collect();
     for (i, seen) in fields.iter_mut().enumerate() {
         // Single profiles are noisy, and the air changes slowly: the middle of the frames around, or of all.
@@ -392,28 +434,32 @@ fn read(
     kind: Option<FrameKind>,
     options: &ReadOptions,
 ) -> Result<Entry, sunglint_formats::FileError> {
-    let entry = |header: FrameHeader| {
-        let kind = kind.or(header.kind).unwrap_or(FrameKind::Light);
-        Entry { header, kind }
+    let entry = |frame: ImageFrame| {
+        let kind = kind.or(frame.header.kind).unwrap_or(FrameKind::Light);
+        let is_flat = kind == FrameKind::Flat;
+        let cut = || cut_flat(frame.pixels.view(), frame.header.saturation_adu);
+        Entry { cut_adu: is_flat.then(cut).flatten(), header: frame.header, kind }
     };
     let error = match ImageFrame::read_as(path, options) {
-        Ok(frame) => return Ok(entry(frame.header)),
+        Ok(frame) => return Ok(entry(frame)),
         Err(error) => error,
     };
     let mut whenever = options.clone();
     whenever.without_time = true;
-    match ImageFrame::read_as(path, &whenever).map(|frame| entry(frame.header)) {
+    match ImageFrame::read_as(path, &whenever).map(entry) {
         Ok(entry) if entry.kind != FrameKind::Light => Ok(entry),
         _ => Err(error),
     }
 }
 
+/// Frames that go into a master at most.
+const MOST: usize = 64;
+
 /// Mean of frames, pixel by pixel.
 fn mean(headers: &[&FrameHeader], options: &ReadOptions) -> Option<Array2<f32>> {
-    const MOST: usize = 64;
     let mut sum: Option<Array2<f32>> = None;
     let mut n = 0_u16;
-    for header in headers.iter().take(MOST) {
+    for header in headers {
         let mut options = options.clone();
         options.without_time = true;
         let Ok(frame) = ImageFrame::read_as(&header.path, &options) else { continue };
@@ -427,7 +473,120 @@ fn mean(headers: &[&FrameHeader], options: &ReadOptions) -> Option<Array2<f32>> 
     sum.map(|sum| sum / f32::from(n.max(1)))
 }
 
+impl<'a> Calibration<'a> {
+    fn new(entries: &'a [Entry], options: &'a ReadOptions) -> Self {
+        Self { entries, options, used: BTreeSet::new(), flats: Vec::new() }
+    }
+
+    /// The frames of a kind that fit.
+    fn fitting(&self, kind: FrameKind, like: &FrameHeader) -> Vec<&'a FrameHeader> {
+        let fits =
+            |e: &&Entry| e.kind == kind && e.cut_adu.is_none() && differences(e, like).is_empty();
+        self.entries.iter().filter(fits).map(|e| &e.header).take(MOST).collect()
+    }
+
+    /// The mean of frames, which count as used.
+    fn mean(&mut self, headers: &[&'a FrameHeader]) -> Option<Array2<f32>> {
+        let mean = mean(headers, self.options)?;
+        self.used.extend(headers.iter().map(|header| header.path.as_path()));
+        Some(mean)
+    }
+
+    /// The dark of frames of this exposure, else the bias; and whether it is the bias.
+    fn dark(&mut self, like: &FrameHeader) -> Option<(Array2<f32>, bool)> {
+        let darks = self.fitting(FrameKind::Dark, like);
+        if let Some(dark) = self.mean(&darks) {
+            return Some((dark, false));
+        }
+        let biases = self.fitting(FrameKind::Bias, like);
+        Some((self.mean(&biases)?, true))
+    }
+
+    /// Dark and flat for frames like this one.
+    fn masters(&mut self, light: &FrameHeader) -> Masters {
+        let mut masters = Masters::default();
+        if !light.is_without_dark() {
+            match self.dark(light) {
+                Some((dark, is_bias)) => {
+                    masters.dark = Some(dark);
+                    if is_bias {
+                        masters
+                            .notes
+                            .push("no dark frame fits: bias frames were subtracted in place of it");
+                    }
+                }
+                None => masters.notes.push("no dark frame fits: none was subtracted"),
+            }
+        }
+        if light.reduced.contains('F') {
+            return masters;
+        }
+        let flats = self.fitting(FrameKind::Flat, light);
+        if let Some(first) = flats.first()
+            && let Some(mut flat) = self.mean(&flats)
+        {
+            self.flats.push(first);
+            match self.dark(first).filter(|(dark, _)| dark.dim() == flat.dim()) {
+                Some((dark, _)) => flat -= &dark,
+                None => {
+                    masters.notes.push("no dark or bias for the flats: their own level is in them")
+                }
+            }
+            let middle = median(flat.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()));
+            if let Some(middle) = middle.filter(|m| *m > 0.0) {
+                flat /= middle as f32;
+                masters.flat = Some(flat);
+            }
+        }
+        if masters.flat.is_none() && self.entries.iter().any(|e| e.kind == FrameKind::Flat) {
+            masters.notes.push("no flat fits: the frame was divided by none");
+        }
+        masters
+    }
+
+    /// Why a frame went into no master: the fewest settings in which it differs from frames that it could have been for.
+    fn reason(&self, entry: &Entry, lights: &[(Epoch, &FrameHeader)]) -> String {
+        let kind = match entry.kind {
+            FrameKind::Flat => "flats",
+            FrameKind::Bias => "bias frames",
+            _ => "dark frames",
+        };
+        let of_flats = self.flats.iter().copied().filter(|_| entry.kind != FrameKind::Flat);
+        let likes = lights.iter().map(|(_, header)| *header).chain(of_flats);
+        let fewest = likes.map(|like| differences(entry, like)).min_by_key(Vec::len);
+        let is_used = |kind: FrameKind| {
+            let of_kind = |e: &&Entry| e.kind == kind;
+            self.entries.iter().filter(of_kind).any(|e| self.used.contains(e.header.path.as_path()))
+        };
+        match fewest.as_deref() {
+            Some([_, ..]) => {
+                format!("{kind} of another {}", fewest.unwrap_or_default().join(" and "))
+            }
+            _ if is_used(entry.kind) => format!("{kind} beyond the {MOST} that are used"),
+            _ if entry.kind == FrameKind::Bias && is_used(FrameKind::Dark) => {
+                format!("{kind}, as dark frames fit")
+            }
+            _ => format!("{kind} that no frame needs"),
+        }
+    }
+}
+
 impl Folder {
+    /// Counts the calibration frames that were used and those that were not, each kind by itself.
+    fn tell(&mut self, calibration: &Calibration<'_>, lights: &[(Epoch, &FrameHeader)]) {
+        for entry in calibration.entries.iter().filter(|e| e.kind != FrameKind::Light) {
+            let path = entry.header.path.as_path();
+            if calibration.used.contains(path) {
+                *self.used.entry(entry.kind.name()).or_default() += 1;
+            } else if let Some(end) = entry.cut_adu {
+                let why = format!("more than 1 % of its pixels are cut off at {end} ADU");
+                self.leave(path, "flats whose pixels are cut off", &why);
+            } else {
+                *self.left_out.entry(calibration.reason(entry, lights)).or_default() += 1;
+            }
+        }
+    }
+
     /// Adds where the target stood at each moment.
     fn put_in_orbit(&mut self, tle: &Tle, site: &Site) -> Result<(), ReduceError> {
         let times: Vec<Epoch> = self
@@ -510,88 +669,6 @@ impl Folder {
             }
         }
         lights
-    }
-
-    /// Dark and flat for frames like this one.
-    fn masters(
-        &mut self,
-        light: &FrameHeader,
-        entries: &[Entry],
-        options: &ReadOptions,
-    ) -> Masters {
-        let of_kind = |kind: FrameKind, like: &FrameHeader| -> Vec<&FrameHeader> {
-            let fits = |e: &&Entry| e.kind == kind && same_camera(&e.header, like);
-            entries.iter().filter(fits).map(|e| &e.header).collect()
-        };
-        // The dark of frames of this exposure, else the bias.
-        let dark_of = |like: &FrameHeader| {
-            let exposure = like.exposure_s.unwrap_or(0.0);
-            let mut fitting = of_kind(FrameKind::Dark, like);
-            fitting.retain(|d| {
-                d.exposure_s.is_some_and(|s| near(s, exposure, 0.01)) && same_temperature(d, like)
-            });
-            if fitting.is_empty() {
-                fitting = of_kind(FrameKind::Bias, like);
-                fitting.retain(|d| same_temperature(d, like));
-            }
-            fitting
-        };
-        let mut masters = Masters::default();
-        if !light.is_without_dark() {
-            let darks = dark_of(light);
-            let kinds = |kind| entries.iter().filter(|e| e.kind == kind).count();
-            if darks.is_empty() {
-                let there = kinds(FrameKind::Dark) + kinds(FrameKind::Bias);
-                if there > 0 {
-                    *self
-                        .left_out
-                        .entry("dark frames of other exposure, gain, temperature or binning".into())
-                        .or_default() += there;
-                }
-                *self.notes.entry("no dark frame fits: none was subtracted".into()).or_default() +=
-                    1;
-            } else {
-                *self.used.entry("dark").or_default() += darks.len();
-                let others = kinds(FrameKind::Dark).saturating_sub(darks.len());
-                if others > 0 {
-                    *self
-                        .left_out
-                        .entry("dark frames of other exposure, gain, temperature or binning".into())
-                        .or_default() += others;
-                }
-            }
-            masters.dark = mean(&darks, options);
-        }
-        if light.reduced.contains('F') {
-            return masters;
-        }
-        let mut flats = of_kind(FrameKind::Flat, light);
-        let all = flats.len();
-        flats.retain(|flat| flat.filter == light.filter);
-        if all > flats.len() {
-            *self.left_out.entry("flats of another filter".into()).or_default() +=
-                all - flats.len();
-        }
-        if let Some(first) = flats.first()
-            && let Some(mut flat) = mean(&flats, options)
-        {
-            let dark = mean(&dark_of(first), options).filter(|dark| dark.dim() == flat.dim());
-            if let Some(dark) = dark {
-                flat -= &dark;
-            } else {
-                *self
-                    .notes
-                    .entry("no dark or bias for the flats: their own level is in them".into())
-                    .or_default() += 1;
-            }
-            *self.used.entry("flat").or_default() += flats.len();
-            let middle = median(flat.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()));
-            if let Some(middle) = middle.filter(|m| *m > 0.0) {
-                flat /= middle as f32;
-                masters.flat = Some(flat);
-            }
-        }
-        masters
     }
 
     /// Coordinates and zero points of the frames, places and magnitudes of the target.

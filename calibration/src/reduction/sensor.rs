@@ -4,6 +4,7 @@ use super::error::Within as _;
 use super::frames::SensorFiles;
 use super::library::{Found, Library, MasterKind};
 use super::{ReduceError, Stay};
+use crate::photometry::field::cut_flat;
 use crate::photometry::{BadPixels, FrameCalibration, MasterFrame, PixelFault};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
@@ -22,8 +23,6 @@ const BAD_SIGMAS: f64 = 3.0;
 const BLIND: f32 = 0.5;
 /// Largest part of the sensor that a mask may leave out: beyond it the calibration frames are none.
 pub(super) const MOST_BAD: f64 = 0.2;
-/// A flat with more than this part of its pixels at their end is saturated.
-const FULL: f64 = 0.01;
 /// Temperatures of a dark and a frame differ by at most this, °C.
 const NEAR_C: f64 = 2.0;
 
@@ -142,9 +141,7 @@ fn unfit(kind: TargetKind, frame: &Frame) -> Option<String> {
     if kind != TargetKind::Flat {
         return None;
     }
-    let end = frame.saturation_adu.unwrap_or_else(|| f64::from(u16::MAX));
-    let full = frame.pixels.iter().filter(|pixel| f64::from(**pixel) >= end).count();
-    if full as f64 > FULL * frame.pixels.len() as f64 {
+    if let Some(end) = cut_flat(frame.pixels.view(), frame.saturation_adu) {
         return Some(format!("they are saturated ({end} ADU)"));
     }
     let level = frame.header.real(FLAT_LEVEL).filter(|level| *level > 0.0)?;

@@ -60,6 +60,22 @@ const FLUX_SIGMAS: [&str; 9] = [
     "err",
     "error",
 ];
+/// Names that others give to exposures, the usual first, and the unit of each in seconds where the table has none.
+const EXPOSURES: [(&str, f64); 13] = [
+    ("exposure_s", 1.0),
+    ("exptime", 1.0),
+    ("exp_time", 1.0),
+    ("exposure", 1.0),
+    ("exposure_time", 1.0),
+    ("exp", 1.0),
+    ("t_exp", 1.0),
+    ("texp", 1.0),
+    ("itime", 1.0),
+    ("exp_s", 1.0),
+    ("exptime_s", 1.0),
+    ("exposure_ms", 1e-3),
+    ("exptime_ms", 1e-3),
+];
 /// Those of the names above that others also give to flags: whole numbers in them are no uncertainties.
 const OF_FLAGS: [&str; 2] = ["err", "error"];
 
@@ -202,6 +218,44 @@ impl ColumnNames {
     }
 }
 
+/// Exposures of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exposures {
+    /// The column that has them.
+    pub column: String,
+    /// Exposures, s; else the note on why they are not known.
+    pub seconds: Result<Vec<f64>, String>,
+}
+
+/// Exposures of a table under any of the names that others use; `None` where there is no such column. The unit of a column comes before that of its name. All are above 0, or none is known.
+pub fn exposures(table: &Table) -> Option<Exposures> {
+    let (column, factor) =
+        EXPOSURES.iter().find_map(|(name, factor)| Some((find(table, name)?, *factor)))?;
+    let unknown = |why: String| Err(format!("{column}: {why}: exposures count as not known"));
+    let unit = table.column(column).ok()?.unit.as_deref().map(str::trim).filter(|u| !u.is_empty());
+    let seconds = match (unit, unit.and_then(seconds_of), table.f64(column)) {
+        (Some(unit), None, _) => unknown(format!("its unit, `{unit}`, is none of time")),
+        (_, _, Err(_)) => unknown("it does not hold numbers".into()),
+        (_, own, Ok(values)) => {
+            let factor = own.map_or(factor, |(_, seconds)| seconds);
+            let seconds: Vec<f64> = values.iter().map(|v| factor * v).collect();
+            match seconds.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
+                None => Ok(seconds),
+                Some(row) => {
+                    let n = seconds.iter().filter(|s| !(s.is_finite() && **s > 0.0)).count();
+                    unknown(format!(
+                        "{n} of its {} values are not above 0 (the first in row {}: {})",
+                        seconds.len(),
+                        row + 1,
+                        values[row]
+                    ))
+                }
+            }
+        }
+    };
+    Some(Exposures { column: column.to_owned(), seconds })
+}
+
 /// Times of a table, and what has to be known of them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ColumnTimes {
@@ -329,15 +383,22 @@ struct Origin {
     notes: Vec<String>,
 }
 
-/// A unit of time in words and its length, days.
-fn unit_of(text: &str) -> Option<(&'static str, f64)> {
+/// A unit of time in words and its length, s.
+fn seconds_of(text: &str) -> Option<(&'static str, f64)> {
     Some(match text.trim().to_ascii_lowercase().as_str() {
-        "d" | "day" | "days" => ("days", 1.0),
-        "h" | "hr" | "hour" | "hours" => ("hours", 1.0 / 24.0),
-        "min" | "minute" | "minutes" => ("minutes", 60.0 / DAY_S),
-        "s" | "sec" | "second" | "seconds" => ("seconds", 1.0 / DAY_S),
+        "d" | "day" | "days" => ("days", DAY_S),
+        "h" | "hr" | "hour" | "hours" => ("hours", 3600.0),
+        "min" | "minute" | "minutes" => ("minutes", 60.0),
+        "s" | "sec" | "second" | "seconds" => ("seconds", 1.0),
+        "ms" | "msec" | "millisecond" | "milliseconds" => ("milliseconds", 1e-3),
+        "us" | "µs" | "μs" | "usec" | "microsecond" | "microseconds" => ("microseconds", 1e-6),
         _ => return None,
     })
+}
+
+/// A unit of time in words and its length, days.
+fn unit_of(text: &str) -> Option<(&'static str, f64)> {
+    seconds_of(text).map(|(words, seconds)| (words, seconds / DAY_S))
 }
 
 impl Origin {
@@ -507,9 +568,14 @@ fn times(
                 Err(error) => return Err(in_row(error.in_file(path), row)),
             }
         }
+        let mut notes: Vec<String> =
+            half.map(|(other, _)| format!("{name} and {other} are one time")).into_iter().collect();
         match scale {
             Some(Scale::Utc) => {}
             None if all_zoned => {}
+            // A system that is not known is no UTC.
+            None if system.is_some_and(|s| !s.is_empty()) => return Err(unknown("time")),
+            None => notes.push(format!("{name}: times without a scale or an offset are UTC")),
             Some(_) => {
                 let error =
                     ParseError::new(path, format!("times as text in {name}"), "UTC as text");
@@ -517,10 +583,8 @@ fn times(
                     .in_field(name.to_owned())
                     .with_hint("give other scales as Julian dates"));
             }
-            None => return Err(unknown("time")),
         }
-        let notes = half.map(|(other, _)| format!("{name} and {other} are one time"));
-        return Ok(ColumnTimes { time, notes: notes.into_iter().collect() });
+        return Ok(ColumnTimes { time, notes });
     }
     // As astropy writes a column of Time into FITS: two doubles whose sum is the Julian date.
     if let Ok((2, pairs)) = table.f64_vectors(name)

@@ -1,9 +1,9 @@
 //! What a file of photometry says, as far as it is understood.
 
 use super::columns::find;
-use super::{ColumnNames, Photometry, Source, open};
-use crate::{ParseError, Table, Values};
-use std::path::Path;
+use super::{ColumnNames, ObjectRows, ObjectsError, Photometry, Source, open, texts};
+use crate::{ParseError, Table};
+use std::path::{Path, PathBuf};
 
 /// A file of photometry as it is understood.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,26 +21,77 @@ pub struct Import {
     pub samples: Photometry,
 }
 
-/// Reads a file of photometry and tells what was taken for what.
+/// Why a file of photometry cannot be imported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// A line or a value that cannot be read.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// Rows of several objects, or of another than the one that is asked for.
+    #[error("{}: {why}", path.display())]
+    Objects {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        why: ObjectsError,
+    },
+}
+
+/// Reads a file of photometry and tells what was taken for what. Numbers that stand for a missing magnitude are none.
 ///
 /// # Errors
-/// The errors of [`open`] and [`super::column_times`]; a table without times, or without magnitudes and fluxes.
+/// The errors of [`open`] and [`super::column_times`]; a table without times, or without magnitudes and fluxes; rows of several objects, unless `rows` says which are taken.
 pub fn import(
     path: impl AsRef<Path>,
     bytes: Vec<u8>,
     names: &ColumnNames,
-) -> Result<Import, ParseError> {
+    rows: &ObjectRows,
+) -> Result<Import, ImportError> {
     let path = path.as_ref();
-    match open(path, bytes)? {
-        Source::Samples(format, samples) => Ok(Import {
-            format: format.name(),
-            columns: Vec::new(),
-            unused: Vec::new(),
-            of_flux: false,
-            samples: *samples,
-        }),
-        Source::Table(format, table) => of_table(path, format, &table, names),
+    let objects = |why| ImportError::Objects { path: path.to_path_buf(), why };
+    let mut import = match open(path, bytes)? {
+        Source::Samples(format, samples) => {
+            rows.of_target(&samples.target).map_err(objects)?;
+            Import {
+                format: format.name(),
+                columns: Vec::new(),
+                unused: Vec::new(),
+                of_flux: false,
+                samples: *samples,
+            }
+        }
+        Source::Table(format, table) => {
+            let mut import = of_table(path, format, &table, names)?;
+            let taken = rows.of_table(&table).map_err(objects)?;
+            if let Some(keep) = taken.keep {
+                let n = keep.iter().filter(|k| **k).count();
+                import.samples.notes.push(format!("{n} of {} rows are of the object", keep.len()));
+                import.samples.retain(&keep);
+            }
+            if let Some((column, object)) = taken.object {
+                import.unused.retain(|name| *name != column);
+                import.columns.push(("object", column));
+                import.samples.target = object;
+            }
+            import
+        }
+    };
+    let samples = &mut import.samples;
+    if !samples.is_relative {
+        let note = super::without_words_for_none(&mut samples.magnitude);
+        samples.notes.extend(note);
+        if let Some(standard) = &mut samples.standard {
+            super::without_words_for_none(standard);
+        }
     }
+    let repeated = samples.repeated();
+    if repeated > 0 {
+        samples.notes.push(format!(
+            "{repeated} rows stand there twice (time, light and channel are the same): they are kept; analyse and fit count each once"
+        ));
+    }
+    Ok(import)
 }
 
 fn of_table(
@@ -93,22 +144,23 @@ fn of_table(
     samples.range_km =
         optional("range", &[("range_km", 1.0), ("range_m", 1e-3), ("delta_au", 149_597_870.7)]);
     samples.phase_deg = optional("phase angle", &[("phase_deg", 1.0)]);
-    samples.exposure_s = optional("exposure", &[("exposure_s", 1.0)]);
-    let mut texts = |meaning: &'static str, usual: &[&str]| {
-        let name = usual.iter().find_map(|name| find(table, name))?;
-        let found = match &table.column(name).ok()?.values {
-            Values::Text(v) => v.iter().map(|t| t.clone().unwrap_or_default()).collect(),
-            Values::F64(v) => v.iter().map(f64::to_string).collect(),
-            Values::I64(v) => {
-                v.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+    if let Some(exposures) = super::exposures(table) {
+        match exposures.seconds {
+            Ok(seconds) => {
+                columns.push(("exposure", exposures.column));
+                samples.exposure_s = Some(seconds);
             }
-            _ => return None,
-        };
+            Err(why) => samples.notes.push(why),
+        }
+    }
+    let mut words = |meaning: &'static str, usual: &[&str]| {
+        let name = usual.iter().find_map(|name| find(table, name))?;
+        let found = texts(table, name)?;
         columns.push((meaning, name.to_owned()));
         Some(found)
     };
-    samples.session = texts("session", &["session"]);
-    samples.filter = texts("filter", &["filter", "filt", "band"]);
+    samples.session = words("session", &["session"]);
+    samples.filter = words("filter", &["filter", "filt", "band"]);
     let used: Vec<&String> = columns.iter().map(|(_, name)| name).collect();
     let unused = all.iter().filter(|n| !used.iter().any(|u| u.as_str() == **n));
     let unused = unused.map(|n| (*n).to_owned()).collect();

@@ -12,17 +12,23 @@
 
 mod columns;
 mod import;
+mod missing;
+mod objects;
 mod tables;
 mod votable_binary;
 mod words;
 pub mod write;
 mod xml;
 
-pub use columns::{ColumnNames, ColumnTimes, TIME_COLUMNS, TimeFormat, column_times};
-pub use import::{Import, import};
+pub use columns::{
+    ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, column_times, exposures,
+};
+pub use import::{Import, ImportError, import};
+pub use missing::without_words_for_none;
+pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
 use crate::time::{UtcDay, parse_utc};
-use crate::{ParseError, Table};
+use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -124,6 +130,55 @@ pub struct Photometry {
     pub target: String,
     /// Statements of the file that change what its numbers mean, in words.
     pub notes: Vec<String>,
+}
+
+impl Photometry {
+    /// Keeps the rows for which `keep` is true.
+    fn retain(&mut self, keep: &[bool]) {
+        fn pick<T>(keep: &[bool], values: &mut Vec<T>) {
+            let mut row = keep.iter();
+            values.retain(|_| row.next().copied().unwrap_or(false));
+        }
+        pick(keep, &mut self.time);
+        pick(keep, &mut self.magnitude);
+        let numbers = [
+            &mut self.standard,
+            &mut self.sigma_mag,
+            &mut self.range_km,
+            &mut self.phase_deg,
+            &mut self.exposure_s,
+        ];
+        numbers.into_iter().flatten().for_each(|values| pick(keep, values));
+        let texts = [&mut self.session, &mut self.filter, &mut self.camera];
+        texts.into_iter().flatten().for_each(|values| pick(keep, values));
+        self.eclipsed.iter_mut().for_each(|values| pick(keep, values));
+    }
+
+    /// Number of samples that another one is the same as: time, magnitude, range, phase angle, session, filter and camera.
+    fn repeated(&self) -> usize {
+        let number = |c: &Option<Vec<f64>>, i: usize| c.as_ref().map(|c| c[i].to_bits());
+        let mut seen = std::collections::HashSet::new();
+        let is_again = |i: &usize| {
+            let text = |c: &Option<Vec<String>>| c.as_ref().map(|c| c[*i].clone());
+            let numbers = [number(&self.range_km, *i), number(&self.phase_deg, *i)];
+            let texts = [text(&self.session), text(&self.filter), text(&self.camera)];
+            let time = crate::time::tai_nanoseconds(self.time[*i]);
+            !seen.insert((time, self.magnitude[*i].to_bits(), numbers, texts))
+        };
+        (0..self.time.len()).filter(is_again).count()
+    }
+}
+
+/// Texts of a column of a table, whatever kind it is of; `None` where there is no such column, or one of vectors or truth values.
+pub fn texts(table: &Table, name: &str) -> Option<Vec<String>> {
+    Some(match &table.column(name).ok()?.values {
+        Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
+        Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
+        Values::I64(numbers) => {
+            numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+        }
+        _ => return None,
+    })
 }
 
 /// Content of a file of photometry.

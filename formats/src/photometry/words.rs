@@ -343,19 +343,21 @@ impl Cells {
         type Kind<'a> = (&'a str, &'a dyn Fn(&str) -> bool);
         let kinds: [Kind; 3] = [
             ("are limits, no values", &is_limit),
-            ("hold no value", &|t| {
-                is_missing(t) && !t.is_empty() && !t.eq_ignore_ascii_case("nan")
-            }),
+            ("hold no value", &|t| is_missing(t) && !is_empty),
             ("are no numbers", &|t| !is_missing(t) && !is_limit(t)),
         ];
         for (what, is) in kinds {
-            let lost = || (0..texts.len()).filter(|&i| numbers[i].is_none() && is(&texts[i]));
+            let is_none = |i: usize| numbers[i].is_none_or(f64::is_nan);
+            let lost = || (0..texts.len()).filter(|&i| is_none(i) && is(&texts[i]));
             if let Some(i) = lost().next() {
+                let first = match texts[i].as_str() {
+                    "" => "empty".to_owned(),
+                    text => format!("`{}`", shortened(text)),
+                };
                 self.notes.push(format!(
-                    "{name}: {} cells {what} (the first in line {}: `{}`)",
+                    "{name}: {} cells {what} (the first in line {}: {first})",
                     lost().count(),
                     self.lines[i],
-                    shortened(&texts[i])
                 ));
             }
         }

@@ -3,7 +3,8 @@
 use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
-use sunglint_formats::photometry::{self, ColumnNames, Format, Photometry, Source};
+use sunglint_formats::photometry::{self, ColumnNames, Format, Photometry, Source, texts};
+pub use sunglint_formats::photometry::{ObjectRows, ObjectsError};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values};
 use sunglint_numerics::order::{median, robust_sigma};
@@ -12,27 +13,6 @@ use sunglint_numerics::order::{median, robust_sigma};
 const GAP_S: f64 = 60.0;
 /// Astronomical unit, km (IAU 2012 B2, exact).
 const AU_KM: f64 = 149_597_870.7;
-/// Magnitudes beyond it are words for a missing one (99.99, 999).
-const MOST_MAG: f64 = 90.0;
-/// Numbers that some programs write for a missing magnitude, where no true one lies within [`LONE_MAG`].
-const WORDS_FOR_NONE: [f64; 4] = [0.0, -9.99, -9.999, -9.9999];
-/// Distance of such a number from the nearest true magnitude, mag.
-const LONE_MAG: f64 = 1.0;
-/// Columns that say which object a row is of.
-const OBJECTS: [&str; 10] = [
-    "object",
-    "object_name",
-    "objname",
-    "target",
-    "target_name",
-    "satellite",
-    "sat_id",
-    "norad",
-    "norad_id",
-    "norad_cat_id",
-];
-/// Objects that a refusal names at most.
-const MOST_NAMED: usize = 12;
 /// d ln(flux)/d mag.
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
@@ -61,18 +41,6 @@ impl MagnitudeKind {
             Self::Standard => "V above the air at 1,000 km, by the illuminated fraction to 90°",
         }
     }
-}
-
-/// Which rows are taken of a table that says of each which object it is of.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub enum ObjectRows {
-    /// All, if they are of one object; several are an error.
-    #[default]
-    One,
-    /// Those of one object.
-    Of(String),
-    /// All, of however many objects: where each row has a place of its own, and all objects are alike.
-    All,
 }
 
 /// How a table of magnitudes is read.
@@ -138,30 +106,13 @@ pub enum PublishedError {
         /// The file.
         path: PathBuf,
     },
-    /// Rows of several objects.
-    #[error(
-        "{}: its rows are of {} objects (column `{column}`): {}: name one of them",
-        path.display(),
-        objects.len(),
-        listed(objects)
-    )]
+    /// Rows of several objects, or of another than the one that is asked for.
+    #[error("{}: {why}", path.display())]
     Objects {
         /// The file.
         path: PathBuf,
-        /// The column of objects.
-        column: String,
-        /// The objects and the number of their rows.
-        objects: Vec<(String, usize)>,
-    },
-    /// An object that no row names.
-    #[error("{}: no row is of the object {wanted}; it has {found}", path.display())]
-    NoObject {
-        /// The file.
-        path: PathBuf,
-        /// The object that was asked for.
-        wanted: String,
-        /// The objects that are there, in words.
-        found: String,
+        /// The reason.
+        why: ObjectsError,
     },
     /// No magnitude has a value and a noise.
     #[error("{}: no magnitude that could be used: {why}", path.display())]
@@ -171,16 +122,6 @@ pub enum PublishedError {
         /// The reason.
         why: Unusable,
     },
-}
-
-/// Objects with their numbers of rows, in words.
-fn listed(objects: &[(String, usize)]) -> String {
-    let named = objects.iter().take(MOST_NAMED).map(|(name, n)| format!("{name} ({n} rows)"));
-    let mut text = named.collect::<Vec<_>>().join(", ");
-    if objects.len() > MOST_NAMED {
-        text += &format!(" and {} more", objects.len() - MOST_NAMED);
-    }
-    text
 }
 
 /// Why no magnitude of a file can be used.
@@ -230,18 +171,10 @@ impl CurveFile {
         bytes: Vec<u8>,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
+        let objects = |why| PublishedError::Objects { path: path.to_path_buf(), why };
         let table = match photometry::open(path, bytes)? {
             Source::Samples(format, read) => {
-                if let ObjectRows::Of(wanted) = &options.rows {
-                    let found = match read.target.as_str() {
-                        "" => "no names of objects".to_owned(),
-                        target => target.to_owned(),
-                    };
-                    if found != *wanted {
-                        let (path, wanted) = (path.to_path_buf(), wanted.clone());
-                        return Err(PublishedError::NoObject { path, wanted, found });
-                    }
-                }
+                options.rows.of_target(&read.target).map_err(objects)?;
                 let mut brightness = Brightness::of_photometry(path, *read, options)?;
                 brightness.is_far = format == Format::Alcdef;
                 return Ok(Self::Magnitudes(Box::new(brightness)));
@@ -275,7 +208,13 @@ impl CurveFile {
         let range_km = column("range_km")
             .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()))
             .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
-        let exposure_s = column("exposure_s");
+        let mut exposure_s = None;
+        if let Some(found) = photometry::exposures(&table) {
+            match found.seconds {
+                Ok(seconds) => exposure_s = Some(seconds),
+                Err(why) => notes.push(why),
+            }
+        }
         let mut sigma = match names.sigma_of(&table, is_flux) {
             Some(name) => Some(table.f64(name)?.into_owned()),
             None => None,
@@ -307,7 +246,7 @@ impl CurveFile {
             }
             keep = good;
         }
-        if let Some(own) = of_object(path, &table, options)? {
+        if let Some(own) = options.rows.of_table(&table).map_err(objects)?.keep {
             keep.iter_mut().zip(own).for_each(|(k, own)| *k &= own);
         }
         let mut brightness = Brightness::of_rows(path, rows.kept(&keep), options)?;
@@ -661,28 +600,7 @@ impl Rows {
     fn without_words_for_none(&mut self) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.is_flux {
-            let is_word = |m: f64| WORDS_FOR_NONE.iter().any(|w| (m - w).abs() < 1e-9);
-            let far = |m: f64| m.abs() > MOST_MAG;
-            let lone: Vec<f64> = WORDS_FOR_NONE
-                .into_iter()
-                .filter(|w| {
-                    let own = || self.magnitudes.iter().filter(|m| m.is_finite() && !far(**m));
-                    let mut true_ones = own().filter(|m| !is_word(**m)).peekable();
-                    true_ones.peek().is_some() && true_ones.all(|m| (m - w).abs() > LONE_MAG)
-                })
-                .collect();
-            let mut lost = 0;
-            for m in &mut self.magnitudes {
-                if far(*m) || lone.iter().any(|w| (*m - w).abs() < 1e-9) {
-                    *m = f64::NAN;
-                    lost += 1;
-                }
-            }
-            if lost > 0 {
-                notes.push(format!(
-                    "{lost} magnitudes are words for a missing one (beyond ±90, or -9.99 or 0 far from all others): left out"
-                ));
-            }
+            notes.extend(photometry::without_words_for_none(&mut self.magnitudes));
         }
         if let Some(range) = &self.range_km {
             let none = range.iter().filter(|r| **r <= 0.0).count();
@@ -707,18 +625,6 @@ impl Rows {
     }
 }
 
-/// Texts of a column, whatever kind it is of.
-fn texts(table: &Table, name: &str) -> Option<Vec<String>> {
-    Some(match &table.column(name).ok()?.values {
-        Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
-        Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
-        Values::I64(numbers) => {
-            numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
-        }
-        _ => return None,
-    })
-}
-
 /// Whether the quality of each row is 0, where a table of a space mission (Kepler, TESS: it has BJDREFI) has a column of it.
 fn quality(table: &Table) -> Option<Vec<bool>> {
     table.meta.get("BJDREFI")?;
@@ -730,46 +636,6 @@ fn quality(table: &Table) -> Option<Vec<bool>> {
         Values::I64(all) => Some(all.iter().map(|q| q.is_none_or(|q| q == 0)).collect()),
         Values::F64(all) => Some(all.iter().map(|q| q.is_nan() || *q == 0.0).collect()),
         _ => None,
-    }
-}
-
-/// Which rows are of the object that is asked for; `None` where all are of one and none is asked for.
-fn of_object(
-    path: &Path,
-    table: &Table,
-    options: &MagnitudeOptions,
-) -> Result<Option<Vec<bool>>, PublishedError> {
-    let names = || table.columns.iter().map(|c| c.name.as_str());
-    let column = OBJECTS.iter().find_map(|wanted| names().find(|n| n.eq_ignore_ascii_case(wanted)));
-    let all = column.and_then(|column| Some((column, texts(table, column)?)));
-    let mut counts = std::collections::BTreeMap::<&str, usize>::new();
-    if let Some((_, all)) = &all {
-        for name in all {
-            *counts.entry(name.trim()).or_default() += 1;
-        }
-    }
-    let objects = || counts.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect::<Vec<_>>();
-    match (&options.rows, &all) {
-        (ObjectRows::Of(wanted), Some((_, all))) if counts.contains_key(wanted.trim()) => {
-            Ok(Some(all.iter().map(|name| name.trim() == wanted.trim()).collect()))
-        }
-        (ObjectRows::Of(wanted), _) => {
-            let found = match counts.is_empty() {
-                true => "no column of objects".to_owned(),
-                false => listed(&objects()),
-            };
-            Err(PublishedError::NoObject {
-                path: path.to_path_buf(),
-                wanted: wanted.clone(),
-                found,
-            })
-        }
-        (ObjectRows::One, Some((column, _))) if counts.len() > 1 => Err(PublishedError::Objects {
-            path: path.to_path_buf(),
-            column: (*column).to_owned(),
-            objects: objects(),
-        }),
-        _ => Ok(None),
     }
 }
 
@@ -886,6 +752,31 @@ mod tests {
         assert!(ratio.abs() < 0.01, "{ratio}");
         assert!((a.sigma[0] / a.flux[0] - 0.0921).abs() < 1e-4);
         assert_eq!((a.tracks.len(), a.tracks[0].2), (1, 20));
+    }
+
+    /// Truth: the file's own column, whose name is that of FITS headers; a value of 0 makes it unknown, with a note.
+    #[test]
+    fn exposures_have_other_names() {
+        let read = |exposure: &str| {
+            let row = |i: usize| {
+                format!(
+                    "2024-02-28T16:56:{:02}Z,{},{exposure}\n",
+                    5 * i,
+                    8.0 + 0.1 * (i % 3) as f64
+                )
+            };
+            let text = format!("time_utc,mag,exptime\n{}", (0..10).map(row).collect::<String>());
+            let options = MagnitudeOptions { sigma_mag: Some(0.1), ..Default::default() };
+            match CurveFile::read(Path::new("m.csv"), text.into_bytes(), &options).unwrap() {
+                CurveFile::Magnitudes(brightness) => *brightness,
+                CurveFile::Rates(_) => panic!("these are magnitudes"),
+            }
+        };
+        let known = read("0.5");
+        assert!(known.is_exposure_known && known.exposure_s == [0.5; 10], "{:?}", known.exposure_s);
+        let unknown = read("0");
+        assert!(!unknown.is_exposure_known);
+        assert!(unknown.notes.iter().any(|n| n.contains("exptime")), "{:?}", unknown.notes);
     }
 
     /// Truth: alternating values ± 1 have differences of 2 throughout: 1.4826·2/√2.

@@ -21,7 +21,7 @@ mod streak;
 pub use along::{Along, along};
 pub use growth::Growth;
 pub use mosaic::{green_light, looks_like_mosaic};
-pub use plateau::{Plateau, plateau};
+pub use plateau::{Plateau, cut_flat, plateau};
 
 use super::PhotometryError;
 use super::image::Image;

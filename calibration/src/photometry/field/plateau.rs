@@ -58,3 +58,41 @@ pub fn plateau(pixels: ArrayView2<'_, f32>) -> Option<Plateau> {
     (f64::from(highest) > level + SIGMAS * noise.max(0.3))
         .then_some(Plateau { adu: f64::from(highest), pixels: count })
 }
+
+/// The value at which more than 1 % of a flat's pixels are cut off, ADU; `None` of a flat that is not saturated. `told` is the saturation by its header.
+///
+/// A flat has no sky below its light, as [`plateau`] needs it. It is cut off at its saturation or at the end of 16 bits; at its highest value if that is the end of another whole number of
+/// bits, or if ten times as many pixels have it as any other value.
+pub fn cut_flat<T: Copy + Into<f64>>(pixels: ArrayView2<'_, T>, told: Option<f64>) -> Option<f64> {
+    /// Part of the pixels that may be at their end.
+    const FULL: f64 = 0.01;
+    /// Pixels that are looked at for a value that is not told.
+    const SAMPLE: usize = 100_000;
+    /// Bits of a pixel, where the value may be shifted up to the end of 16.
+    const BITS: [u32; 4] = [8, 10, 12, 14];
+    const OFTEN: usize = 10;
+    let end = told.unwrap_or_else(|| f64::from(u16::MAX));
+    let full = pixels.iter().filter(|pixel| Into::<f64>::into(**pixel) >= end).count();
+    if full as f64 > FULL * pixels.len() as f64 {
+        return Some(end);
+    }
+    let stride = (pixels.len() / SAMPLE) | 1;
+    let some = pixels.iter().step_by(stride).map(|v| Into::<f64>::into(*v));
+    let mut some: Vec<f64> = some.filter(|v| v.is_finite()).collect();
+    some.sort_unstable_by(f64::total_cmp);
+    let highest = *some.last()?;
+    let mut counts = some.chunk_by(|a, b| a == b).map(<[f64]>::len);
+    let at_end = counts.next_back()?;
+    if at_end as f64 <= FULL * some.len() as f64 {
+        return None;
+    }
+    let is_end = BITS.iter().any(|bits| {
+        let end = f64::from((1_u32 << bits) - 1);
+        [end, end * f64::from(1_u32 << (16 - bits))].contains(&highest)
+    });
+    // One value alone is no distribution: a flat that was made up, with a few bad pixels.
+    let others = some.len() - at_end;
+    let stands_out = others as f64 > FULL * some.len() as f64
+        && counts.max().is_some_and(|most| at_end > OFTEN * most);
+    (is_end || stands_out).then_some(highest)
+}

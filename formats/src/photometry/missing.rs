@@ -1,0 +1,34 @@
+//! Numbers that stand for a missing magnitude.
+
+/// Magnitudes beyond it are words for a missing one (99.99, 999).
+const MOST_MAG: f64 = 90.0;
+/// Numbers that some programs write for a missing magnitude, where no true one lies within [`LONE_MAG`].
+const WORDS_FOR_NONE: [f64; 4] = [0.0, -9.99, -9.999, -9.9999];
+/// Distance of such a number from the nearest true magnitude, mag.
+const LONE_MAG: f64 = 1.0;
+
+/// Makes NaN of the numbers that stand for a missing magnitude, and returns the note on how many there were. Give it magnitudes with a zero point alone: any difference may be a true one.
+pub fn without_words_for_none(magnitudes: &mut [f64]) -> Option<String> {
+    let is_word = |m: f64| WORDS_FOR_NONE.iter().any(|w| (m - w).abs() < 1e-9);
+    let far = |m: f64| m.abs() > MOST_MAG;
+    let lone: Vec<f64> = WORDS_FOR_NONE
+        .into_iter()
+        .filter(|w| {
+            let own = || magnitudes.iter().filter(|m| m.is_finite() && !far(**m));
+            let mut true_ones = own().filter(|m| !is_word(**m)).peekable();
+            true_ones.peek().is_some() && true_ones.all(|m| (m - w).abs() > LONE_MAG)
+        })
+        .collect();
+    let mut lost = 0;
+    for m in magnitudes.iter_mut() {
+        if far(*m) || lone.iter().any(|w| (*m - w).abs() < 1e-9) {
+            *m = f64::NAN;
+            lost += 1;
+        }
+    }
+    (lost > 0).then(|| {
+        format!(
+            "{lost} magnitudes are words for a missing one (beyond ±90, or -9.99 or 0 far from all others): left out"
+        )
+    })
+}
