@@ -4,6 +4,8 @@
 //! and where these differ from the middle, or the body turns by more than [`TURN_DEG`] in the exposure, by the rule on 2, 4 … [`MOST_PIECES`] pieces, until
 //! two refinements agree. It is the direct light (with shadows, and the Sun's disc where that matters) of which mean and middle are compared, which costs
 //! microseconds; light by other ways, which turns less sharply with the body, keeps the value of the middle.
+//!
+//! Where nothing is averaged, the middle is held against the mean ([`Simulation::smear`]) by the same points: from the turn on in which the body's narrowest glint changes by about the tolerance.
 
 use super::counts::Counts;
 use super::simulate::{Place, Progress, Way};
