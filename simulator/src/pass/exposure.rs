@@ -4,6 +4,8 @@
 //! and where these differ from the middle, or the body turns by more than [`TURN_DEG`] in the exposure, by the rule on 2, 4 … [`MOST_PIECES`] pieces, until
 //! two refinements agree. It is the direct light (with shadows, and the Sun's disc where that matters) of which mean and middle are compared, which costs
 //! microseconds; light by other ways, which turns less sharply with the body, keeps the value of the middle.
+//!
+//! Where nothing is averaged, the middle is held against the mean ([`Simulation::smear`]) by the same points: from the turn on in which the body's narrowest glint changes by about the tolerance.
 
 use super::counts::Counts;
 use super::simulate::{Place, Progress, Way};
@@ -26,6 +28,8 @@ pub const MOST_PIECES: u32 = 64;
 pub const TURN_DEG: f64 = 0.25;
 /// Where it is only asked how far off the middle is: a piece for this much of turning, degrees, to begin with, and the part of the answer by which two rules may differ.
 const PIECE_DEG: f64 = 10.0;
+/// The same in widths of the narrowest glint: so that one of the points falls on it.
+const PIECE_WIDTHS: f64 = 4.0;
 const AGREE: f64 = 0.25;
 /// A difference below this part of the tolerance is not asked about again.
 const SMALL: f64 = 0.1;
@@ -310,6 +314,12 @@ impl Pass {
 }
 
 impl Ready<'_> {
+    /// The turn, degrees, up to which the middle of an exposure is taken for its mean without a look. Where a lobe of roughness α turns by θ its mean differs from its middle by (θ/α)²/24 of (4 t² − 2), with
+    /// t where in the lobe the observer stands: √tolerance of α is within about the tolerance to where the lobe has fallen to a thousandth of its peak.
+    fn least_turn_deg(&self) -> f64 {
+        (self.engine.glint_rad().to_degrees() * self.pass.tolerance.sqrt()).min(TURN_DEG)
+    }
+
     /// [`Simulation::smear`] of places that follow one another in the pass, the first of them at an epoch, with their counts.
     pub(super) fn smear(
         &self,
@@ -318,6 +328,8 @@ impl Ready<'_> {
         counts: &[Counts],
         first: usize,
     ) -> Vec<f64> {
+        let least_deg = self.least_turn_deg();
+        let piece_deg = (PIECE_WIDTHS * self.engine.glint_rad().to_degrees()).min(PIECE_DEG);
         let all = places.par_iter().zip(counts).enumerate().map_init(
             || self.eye(),
             |eye, (k, (place, counts))| {
@@ -334,7 +346,7 @@ impl Ready<'_> {
                     return 0.0;
                 };
                 let turn_deg = TURN_DEG * pieces([&before, place, &after]);
-                if turn_deg <= TURN_DEG {
+                if turn_deg <= least_deg {
                     return 0.0;
                 }
                 let mut direct = |at: &Place| {
@@ -366,8 +378,8 @@ impl Ready<'_> {
                 let mean = |c: usize| outer * (first[c] + last[c]) + inner * middle[c];
                 let mut found = off(&(0..whole.len()).map(mean).collect::<Vec<f64>>());
                 let (most, mut pieces) = (f64::from(MOST_PIECES), 1);
-                if turn_deg > PIECE_DEG {
-                    pieces = (turn_deg / PIECE_DEG).ceil().min(most) as u32;
+                if turn_deg > piece_deg {
+                    pieces = (turn_deg / piece_deg).ceil().min(most) as u32;
                     found = by_pieces(pieces).unwrap_or(found);
                 }
                 // Glints and edges of faces lie between the points of a coarse rule.

@@ -167,7 +167,8 @@ pub struct Simulation<'a> {
     /// For each epoch, which way of the light has most of the stated error of the worst channel (of V without any channel).
     pub limits: Vec<Option<Source>>,
     /// By how much the mean over each exposure differs from its middle, which stands for it: relative, in the channel in which it is most (in V without any channel), by three points of Gauss's
-    /// rule for each 10° that the body turns, and more where two such rules differ (192 at most). 0 where the body turns by less than [`TURN_DEG`](super::exposure::TURN_DEG) in an exposure: there nothing was looked at.
+    /// rule for each 10° that the body turns (four widths of its narrowest glint, where that is less), and more where two such rules differ (192 at most). 0 where the body turns by less than [`TURN_DEG`](super::exposure::TURN_DEG) in an exposure, or, where
+    /// that is less, by √tolerance of the width of its narrowest glint: there nothing was looked at.
     pub smear: Vec<f64>,
     /// Report of the light engine on the target.
     pub scene: SceneReport,

@@ -3,14 +3,16 @@
 //! Along a cylinder or a cone all circles are alike to a distant observer, so that one integral over azimuth is left.
 
 use super::zone::{Half, Pole, Profile, Ring, Zone, crossings};
-use crate::surface::Material;
+use crate::surface::{Material, Width};
 use glam::DVec3;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 use sunglint_numerics::panels;
 
 /// Halvings of a panel at most: an end of an arc that appears within a panel leaves a root, which gains a factor 2.8 each time.
 const DEPTH: u32 = 24;
+/// Rounding of a lobe, relative, over the square of its roughness.
+const ROUNDING: f64 = 1e-13;
 /// Panels at most of one integral over one variable.
 const MOST_PANELS: usize = 2000;
 /// Steps in which the parameters are looked for at which an arc appears.
@@ -48,6 +50,8 @@ pub struct Task<'a> {
     pub range_squared: f64,
     /// Half-spaces that the part's own shape leaves open.
     pub halves: Vec<Half>,
+    /// Half-way between the Sun and the observer, where the surface mirrors the one to the other as far as that is known.
+    bisector: DVec3,
     /// Relative error at which panels are no longer halved.
     pub precision: f64,
     /// Reference of the precision where the integral is less: this times the area, sr⁻¹.
@@ -75,9 +79,26 @@ impl<'a> Task<'a> {
     ) -> Option<Self> {
         let mut halves: Vec<Half> = zone.halves(Pole::Far(sun))?.into_iter().flatten().collect();
         halves.extend(zone.halves(eye)?.into_iter().flatten());
-        let precision = 1e-9;
+        // What a narrow lobe makes of the rounding of its cosines does not get less by halving panels.
+        let rounding = match material.width() {
+            Width::Lobe { lobe, .. } => ROUNDING / lobe.narrowest().powi(2),
+            _ => 0.0,
+        };
+        let precision = rounding.clamp(1e-9, 1e-5);
         let floor = 0.0;
-        Some(Self { zone, material, tangent, sun, eye, range_squared, halves, precision, floor })
+        let bisector = bisector(&zone, sun, eye);
+        Some(Self {
+            zone,
+            material,
+            tangent,
+            sun,
+            eye,
+            range_squared,
+            halves,
+            bisector,
+            precision,
+            floor,
+        })
     }
 
     /// The whole zone.
@@ -182,7 +203,7 @@ impl<'a> Task<'a> {
 
     /// The parameter at which the normal, in its meridian, leans as the bisector of Sun and observer.
     fn specular_parameter(&self) -> f64 {
-        let half = self.zone.sign() * self.bisector();
+        let half = self.zone.sign() * self.bisector;
         let across = half.x.hypot(half.y);
         match self.zone.profile {
             Profile::Line { .. } => self.zone.from,
@@ -190,11 +211,6 @@ impl<'a> Task<'a> {
             Profile::Parabola { focus } if half.z < 0.0 => 2.0 * focus * across / -half.z,
             Profile::Parabola { .. } => self.zone.from,
         }
-    }
-
-    fn bisector(&self) -> DVec3 {
-        let middle = self.zone.profile.at(0.5 * (self.zone.from + self.zone.to)).z;
-        (self.sun + self.eye.from(DVec3::new(0.0, 0.0, middle))).normalize_or_zero()
     }
 
     /// Adds `scale` times the integral along a circle between two azimuths, per parameter.
@@ -205,7 +221,7 @@ impl<'a> Task<'a> {
             crossings(half, ring, from, &mut stops);
         }
         if !self.material.is_lambert() {
-            let half = self.zone.sign() * self.bisector();
+            let half = self.zone.sign() * self.bisector;
             let middle = half.y.atan2(half.x);
             let near = NARROW.iter().flat_map(|a| [-a, *a]).chain([0.0]);
             stops.extend(near.map(|a| from + (middle + a - from).rem_euclid(TAU)));
@@ -242,7 +258,7 @@ impl<'a> Task<'a> {
             stops.windows(2).rev().map(|w| (w[0], w[1], 0)).collect();
         let mut size: f64 = out.iter().map(|o| o.abs()).sum::<f64>().max(floor);
         let (mut error, mut panels) = (0.0, 0);
-        let orders: [&[_]; 2] = if self.precision < 1e-8 {
+        let orders: [&[_]; 2] = if self.precision < 1e-8 || self.floor == 0.0 {
             FINE.each_ref().map(|r| &r[..])
         } else {
             [&GAUSS_3, &GAUSS_5]
@@ -273,6 +289,48 @@ impl<'a> Task<'a> {
         }
         error
     }
+}
+
+/// Half-way between Sun and observer, seen from the middle of a zone; where a ball's outside mirrors the Sun to a point near by, from there: as many lobes are narrow as
+/// the two differ, and panels are laid about it.
+fn bisector(zone: &Zone, sun: DVec3, eye: Pole) -> DVec3 {
+    if let (Profile::Arc { radius, middle }, Pole::Near(q), true) =
+        (zone.profile, eye, zone.outward)
+    {
+        let away = q - DVec3::new(0.0, 0.0, middle);
+        let (to, distance) = (away.normalize_or_zero(), away.length());
+        let phase = to.angle_between(sun);
+        let across = (sun - sun.dot(to) * to).normalize_or_zero();
+        // The angle of the normal from the line to the observer: it mirrors where the angles on both of its sides are alike.
+        let (mut low, mut high) = (0.0, phase);
+        for _ in 0..40 {
+            let t = 0.5 * (low + high);
+            let out = (distance * t.sin()).atan2(distance * t.cos() - radius);
+            if out > phase - t { high = t } else { low = t }
+        }
+        let (sin, cos) = (0.5 * (low + high)).sin_cos();
+        return cos * to + sin * across;
+    }
+    let middle = zone.profile.at(0.5 * (zone.from + zone.to)).z;
+    (sun + eye.from(DVec3::new(0.0, 0.0, middle))).normalize_or_zero()
+}
+
+/// Adds the weights of a sphere of 1 m at a phase angle for an observer at a distance from its middle, m, times the square of that; gives the relative error.
+pub fn add_near_ball(material: &Material, phase: f64, distance: f64, out: &mut [f64]) -> f64 {
+    let profile = Profile::Arc { radius: 1.0, middle: 0.0 };
+    let zone = Zone { profile, from: 0.0, to: PI, outward: true };
+    // Sun and observer stand in the plane of the ball's equator: the lobe's panels are alike above and below.
+    let sun = DVec3::new(phase.cos(), phase.sin(), 0.0);
+    let eye = Pole::Near(distance * DVec3::X);
+    let Some(task) = Task::new(zone, material, DVec3::X, sun, eye, distance * distance) else {
+        return 0.0;
+    };
+    let mut own = vec![0.0; out.len()];
+    let error = task.cell(&task.whole(), &mut own);
+    out.iter_mut().zip(&own).for_each(|(o, w)| *o += w);
+    let sum: f64 = own.iter().map(|w| w.abs()).sum();
+    // Rounding: of the sum, and of where arcs end.
+    1e-11 + if sum > 0.0 { (error + 1e-15 * zone.area(0.0, PI, TAU)) / sum } else { 0.0 }
 }
 
 /// A tangent in the plane across a normal: the part's, or the next of its axes where that stands on it.

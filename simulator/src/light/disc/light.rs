@@ -6,13 +6,14 @@ use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;
 use crate::light::View;
 use crate::light::curved::Light;
+use crate::light::curved::ring::add_near_ball;
 use crate::light::effect::Lighting;
 use crate::light::evaluate::{COVERING, Direct, DirectionError, Evaluator, GRAZING};
 use crate::light::near;
 use crate::light::occlude::{Toward, toward, unit};
 use crate::surface::Material;
 use glam::{DVec2, DVec3};
-use std::f64::consts::FRAC_1_PI;
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
 /// Error of the areas at five places, as a share of the range that they span.
 const OPEN: f64 = 0.02;
@@ -438,22 +439,39 @@ impl Evaluator<'_> {
         let mut plain = vec![0.0; material.spectra().len()];
         let mut own = plain.clone();
         let light = Light { sun: now.disc.middle, eye: now.eye };
-        self.round(number, light, &mut plain, &mut own);
+        let free = self.round_is_free(number, light);
+        let far = matches!(now.eye, Toward::Far(_));
+        if free && !far && !material.is_mirror() {
+            // The phase angles of the disc are all that is asked for.
+            self.work.done.round += 1;
+        } else {
+            self.round(number, light, &mut plain, &mut own);
+        }
         let mut error: f64 = own.iter().sum();
         let middle = self.now.place[number].point(round.middle);
         let to = now.eye.from(middle);
-        let nearness = match now.eye {
-            Toward::Far(_) => 1.0,
-            Toward::Near(q) => q.length_squared() / (q - middle).length_squared(),
+        let (nearness, away) = match now.eye {
+            Toward::Far(_) => (1.0, None),
+            Toward::Near(q) => {
+                let square = (q - middle).length_squared();
+                (q.length_squared() / square, Some((square.sqrt() / radius).max(1.0)))
+            }
         };
         let scale = radius * radius * nearness;
         let averager = &mut self.disc.averager;
         let tolerance = now.sun.options.tolerance;
-        let full = averager.sphere((scene, round.material), &now.disc, to, now.earth, tolerance);
+        // A mirror's image is taken as that of the middle's distance, of which its errors know.
+        let away = away.filter(|_| !material.is_mirror());
+        let last = away.map_or(PI, |away| FRAC_PI_2 + away.recip().acos());
+        let mut of = |phase: f64, out: &mut [f64]| match away {
+            None => scene.add_sphere(round.material, phase, 1.0, out),
+            Some(away) => add_near_ball(material, phase, away, out),
+        };
+        let room = (plain.len(), last);
+        let full = averager.sphere(room, &now.disc, to, now.earth, tolerance, &mut of);
         // The share that is left, found towards the middle of the Sun, holds for all of it.
         let left: f64 = plain.iter().sum();
         let whole = scale * full;
-        let free = matches!(now.eye, Toward::Far(_)) && self.round_is_free(number, light);
         let share = if whole > 0.0 && !free { (left / whole).min(1.0) } else { 1.0 };
         let averager = &mut self.disc.averager;
         let values = std::mem::take(&mut averager.sums.values);

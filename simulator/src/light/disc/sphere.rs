@@ -4,7 +4,6 @@ use super::average::{Averager, FLOOR, LOOK, Way};
 use super::cut::{Cut, Disc};
 use super::profile::{PROFILES, second_moments};
 use super::rings;
-use crate::light::Scene;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -12,38 +11,46 @@ use std::f64::consts::PI;
 const INTERVALS: usize = 16;
 
 impl Averager {
-    /// Averages W_k of a sphere of radius 1 (m² sr⁻¹) over the phase angles of the disc's places; gives what a collimated Sun yields.
+    /// Averages W_k of a sphere of radius 1 (m² sr⁻¹) over the phase angles of the disc's places; gives what a collimated Sun yields. `of` adds
+    /// a sphere's values at a phase angle to `count` numbers and gives their relative error; beyond the phase angle `last` there is no light.
     pub fn sphere(
         &mut self,
-        (scene, material): (&Scene, u32),
+        (count, last): (usize, f64),
         disc: &Disc,
         to: DVec3,
         earth: Option<Cut>,
         tolerance: f64,
+        of: &mut dyn FnMut(f64, &mut [f64]) -> f64,
     ) -> f64 {
-        let count = scene.weights_of(material as usize).len();
         self.sums.clear(count);
+        (self.error, self.way) = (0.0, Way::Dark);
         // Right at all angles (Kahan), where the arc cosine is not.
         let phase_of = |sun: DVec3| (2.0 * (sun - to).length().atan2((sun + to).length())).min(PI);
         let phase = phase_of(disc.middle);
+        let radius = disc.sine.asin();
+        if phase - radius >= last {
+            return 0.0;
+        }
         let mut own = 0.0_f64;
         let mut at = |phase: f64| {
             let mut out = vec![0.0; count];
             // At 180° itself a mirror's closed form ends.
-            own = own.max(scene.add_sphere(material, phase.abs().min(PI - 1e-9), 1.0, &mut out));
+            own = own.max(of(phase.abs().min(PI - 1e-9), &mut out));
             out
         };
         let middle = at(phase);
-        let radius = disc.sine.asin();
         let step = LOOK * radius;
-        let bent = (earth.is_none() && phase + radius < PI).then(|| {
+        let bent = (earth.is_none() && phase + radius < last).then(|| {
             self.bend(phase, step, [&at(phase - step), &middle, &at(phase + step)], tolerance)
         });
         if bent != Some(true) {
-            let ends = ((phase - radius).max(0.0), (phase + radius).min(PI));
+            let ends = ((phase - radius).max(0.0), (phase + radius).min(last));
             let table = Table::new(ends, &mut at);
             let mut value = |place: DVec2, out: &mut [f64]| {
-                table.add(phase_of(disc.direction(place)), 1.0 / disc.cosine(place), out);
+                let phase = phase_of(disc.direction(place));
+                if phase <= last {
+                    table.add(phase, 1.0 / disc.cosine(place), out);
+                }
             };
             self.way = Way::Rings;
             let cuts: Vec<Cut> = earth.into_iter().collect();

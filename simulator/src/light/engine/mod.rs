@@ -124,6 +124,7 @@ pub struct Engine {
     near: bool,
     /// The largest albedo of the Earth.
     albedo: f64,
+    glint_rad: f64,
 }
 
 impl Engine {
@@ -166,7 +167,8 @@ impl Engine {
         let lit = terms.len();
         terms.extend(body.unknown_terms()?);
         let albedo = earth.most();
-        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near, albedo })
+        let glint_rad = glint_rad(&scene, &body, course);
+        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near, albedo, glint_rad })
     }
 
     /// The prepared target.
@@ -195,6 +197,12 @@ impl Engine {
         &self.body
     }
 
+    /// How far the direction half-way between Sun and observer turns over the body between the peak of the narrowest glint and where that has fallen to 1/e or so: the roughness of a lobe, or half of
+    /// the Sun's radius where the disc is modelled and that is more. Infinite where nothing glints. A ball glints the same wherever it turns.
+    pub(crate) fn glint_rad(&self) -> f64 {
+        self.glint_rad
+    }
+
     /// The sum of the bounds of all that is not modelled: a share of the light of the same surfaces in full sunlight.
     pub fn left_out(&self) -> f64 {
         left_out(&self.needs)
@@ -212,6 +220,16 @@ impl Engine {
         let seen = Seen::of(materials, self.albedo);
         Worker { engine: self, adding, effects: effects.collect(), seen }
     }
+}
+
+/// [`Engine::glint_rad`].
+fn glint_rad(scene: &Scene, body: &Body, course: &Course) -> f64 {
+    let disc = if scene.sun.is_some() { 0.5 * course.sun_radius_rad } else { 0.0 };
+    let flat = body.patches.iter().map(|p| p.material);
+    let bent = scene.rounds.iter().filter(|r| r.sphere.is_none()).map(|r| r.material as usize);
+    let lobes = flat.chain(bent).filter_map(|material| body.glosses[material].lobe);
+    let wide = lobes.map(|(_, alpha)| alpha.max(disc)).filter(|rad| *rad > 0.0);
+    wide.fold(f64::INFINITY, f64::min)
 }
 
 /// The scene, sampled where it is big, under the Sun's disc where that is needed or partly hidden.
