@@ -521,8 +521,13 @@ impl<T: Bytes> device::Mount for Mount<T> {
     }
 
     fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
-        let (utc, place) = self.place(deadline)?;
+        let was_sent = self.goal.is_some();
+        let (mut utc, mut place) = self.place(deadline)?;
         let motion = self.motion(place, deadline)?;
+        if was_sent && motion != MountMotion::Slewing {
+            // It arrived after its place was read: on a slow line that lies where it still was on its way.
+            (utc, place) = self.place(deadline)?;
+        }
         self.read_pier(deadline)?;
         Ok(MountReading { utc, place, pier: self.pier, motion })
     }
