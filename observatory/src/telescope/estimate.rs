@@ -6,7 +6,7 @@ use glam::DVec3;
 /// One radian in arcsec.
 pub(super) const ARCSEC: f64 = 206_264.806_247_096_36;
 
-/// Time in which a rate that nothing renews falls to 1/e, s. What drives it, a worm's wheel or the wind, turns round within seconds: a target that hides behind a star or a cloud is not to be
+/// Time in which a rate that nothing renews falls to 1/e, s. The wind or the worm that drives it turns round within seconds: a target that hides behind a star or a cloud is not to be
 /// looked for ever farther away. (At ten frames a second the rate is renewed long before.)
 const RATE_S: f64 = 2.0;
 
@@ -76,7 +76,7 @@ impl Drift {
 /// A target slower than this is not displaced along its track by asking for another time alone, arcsec/s: one that stands over a place of the Earth is where it is at any time.
 const SLOWEST_ARCSEC_S: f64 = 1.0;
 
-/// How long a rate would have to stand to do what it does in a time in which it dies away, s.
+/// Time, s, in which a steady rate would go as far as one that dies away does in `dt_s`.
 fn lasting_s(dt_s: f64) -> f64 {
     -RATE_S * (-dt_s / RATE_S).exp_m1()
 }

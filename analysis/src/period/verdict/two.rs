@@ -27,9 +27,9 @@ const LATTICE: [(f64, f64); 8] = [
     (2.0, -1.0),
     (-1.0, 2.0),
 ];
-/// So many harmonics are a sign of two periods by themselves: the lattice has as many unknowns as eight.
+/// Harmonics that are a sign of two periods by themselves: the lattice has as many unknowns as eight.
 const LEAST_HARMONICS: usize = 9;
-/// Beside fewer: share of the whole variance that a line has which they leave, at least; and the gain that the lattice must have more for each harmonic that they are fewer.
+/// Beside fewer harmonics, the least share of the whole variance in a line that they leave; and the further gain that the lattice must have for each harmonic that is missing.
 const LEFT: f64 = 0.1;
 const EACH_MORE: f64 = 10.0;
 /// Multiples of both that are compared (their sum, at most), and turns over the span by which they differ: light that changes over a pass by its phase angle has lines beside its own, a turn or so away;
