@@ -187,6 +187,16 @@ fn the_order_of_rows_does_not_matter() {
     for key in ["channels", "ratios"] {
         assert_eq!(found[key], sorted[key], "{key}");
     }
+    // A row that stands there twice counts once, and is told.
+    let doubled = [head, &shuffled, &rows[..7]].concat().join("\n");
+    std::fs::write(folder.path("measured.ecsv"), doubled).unwrap();
+    let found = folder.json(&[&COMPARE[..], &["--json"]].concat());
+    for key in ["channels", "ratios"] {
+        assert_eq!(found[key], sorted[key], "{key}");
+    }
+    let warnings = found["warnings"].as_array().unwrap();
+    let is_told = |w: &serde_json::Value| w.as_str().unwrap().contains("7 samples stand there");
+    assert!(warnings.iter().any(is_told), "{warnings:?}");
 }
 
 /// Exit code 1 and clear words, and nothing written.

@@ -428,7 +428,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&serde_json::from_slice(&checked.stdout).unwrap(), &mut printed);
     // A virtual night whose telescope stands on a mount.
     let night = "station = \"ufo\"\nfrom = \"2020-11-18T18:00:00Z\"\nvirtual = \"mounted-virtual.toml\"\n[[camera]]\nname = \"cam\"\ndevice = \"virtual\"\n\
-                 exposure_s = 0.1\n[mount]\ndevice = \"virtual\"\n[[visit]]\nstar = \"Vega\"\nfor_s = 90\n";
+                 exposure_s = 0.5\n[mount]\ndevice = \"virtual\"\n[[visit]]\nstar = \"Vega\"\nfor_s = 15\n";
     std::fs::write(folder.path("mounted.toml"), night).unwrap();
     std::fs::write(folder.path("mounted-virtual.toml"), "").unwrap();
     let lines = folder.done(&["observe", "mounted.toml", "-o", "m", "--json", "--every", "0.05"]);

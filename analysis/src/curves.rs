@@ -88,32 +88,6 @@ impl NamedCurve {
         curve.retain(&keep);
         curve
     }
-
-    /// Takes out the samples that are the same as one before: time, rates and flags. Returns their number.
-    fn drop_doubled(&mut self) -> usize {
-        let (n, curve) = (self.curve.len(), &self.curve);
-        let time = &curve.samples.time;
-        let same = |a: usize, b: usize| {
-            let of_channel = |c: &ChannelCurve| {
-                c.rate_hz[a].to_bits() == c.rate_hz[b].to_bits() && c.flags[a] == c.flags[b]
-            };
-            curve.channels.iter().all(of_channel)
-        };
-        let is_whole = |c: &ChannelCurve| c.rate_hz.len() == n && c.flags.len() == n;
-        if !curve.channels.iter().all(is_whole) {
-            return 0;
-        }
-        let mut keep = vec![true; n];
-        for i in 1..n {
-            let before = (0..i).rev().take_while(|k| time[*k] == time[i]);
-            keep[i] = !before.take(PASS_SAMPLES).any(|k| same(k, i));
-        }
-        let lost = keep.iter().filter(|k| !**k).count();
-        if lost > 0 {
-            self.curve.retain(&keep);
-        }
-        lost
-    }
 }
 
 /// A name for a filter, which may have none.
@@ -242,7 +216,7 @@ fn read_curve(
                 is_far: false,
                 is_exposure_known: true,
             };
-            let doubled = named.drop_doubled();
+            let doubled = named.curve.drop_doubled();
             let note = format!(
                 "{doubled} samples stand there twice (time, light and flags are the same): each counts once"
             );

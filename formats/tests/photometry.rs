@@ -97,6 +97,42 @@ fn julian_dates_keep_their_scale() {
     assert!(moment(57_754, f64::NAN, Scale::Utc).is_none());
 }
 
+/// Masked times as astropy 7 writes them, in ECSV and VOTable (its own output, shortened). Truth: what astropy reads back: two rows of three have a time.
+#[test]
+fn rows_without_a_time_are_left_out() {
+    let ecsv = "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: jd_utc, datatype: float64}\n# - {name: magnitude, datatype: float64}\n# schema: astropy-2.0\n\
+                jd_utc magnitude\n2460000.5 8.1\n\"\" 8.2\n2460000.50001 8.3\n";
+    let fields = |kind: &str| {
+        format!(
+            "<?xml version=\"1.0\"?><VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\"><RESOURCE type=\"results\"><TABLE>\
+             <FIELD {kind}/><FIELD datatype=\"double\" name=\"magnitude\"/><DATA><TABLEDATA>"
+        )
+    };
+    let rows = |first: &str, last: &str| {
+        format!(
+            "<TR><TD>{first}</TD><TD>8.1</TD></TR><TR><TD/><TD>8.2</TD></TR><TR><TD>{last}</TD><TD>8.3</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>"
+        )
+    };
+    let numbers =
+        fields("datatype=\"double\" name=\"jd_utc\"") + &rows("2460000.5", "2460000.50001");
+    let texts = fields("arraysize=\"19\" datatype=\"unicodeChar\" name=\"time_utc\"")
+        + &rows("2023-02-25T00:00:00", "2023-02-25T00:00:01");
+    for (name, text) in [("a.ecsv", ecsv), ("a.vot", &numbers), ("b.vot", &texts)] {
+        let Source::Table(_, table) = open(name, text.as_bytes().to_vec()).unwrap() else {
+            panic!("{name} is a table")
+        };
+        assert_eq!(*table.f64("magnitude").unwrap(), [8.1, 8.3], "{name}");
+        let times =
+            column_times(Path::new(name), &table, &ColumnNames::default()).unwrap().unwrap();
+        assert_eq!(format_utc(times.time[0], 0), "2023-02-25T00:00:00Z", "{name}");
+        assert!(
+            times.notes.iter().any(|n| n.contains("1 rows without a time")),
+            "{:?}",
+            times.notes
+        );
+    }
+}
+
 /// The message above as ccsds-ndm 3.1.1 (PyPI) wrote it in XML: it read our KVN, which is the other half of this test.
 const TDM_XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<tdm id=\"CCSDS_TDM_VERS\" version=\"2.0\">\n  <header>\n    <COMMENT>made up by the standard</COMMENT>\n    <CREATION_DATE>2012-10-30T20:00</CREATION_DATE>\n    <ORIGINATOR>X</ORIGINATOR>\n  </header>\n  <body>\n    <segment>\n      <metadata>\n        <TIME_SYSTEM>UTC</TIME_SYSTEM>\n        <PARTICIPANT_1>SITE</PARTICIPANT_1>\n        <PARTICIPANT_2>2005-001A</PARTICIPANT_2>\n        <MODE>SEQUENTIAL</MODE>\n        <PATH>2,1</PATH>\n        <INTEGRATION_INTERVAL>2.0</INTEGRATION_INTERVAL>\n        <INTEGRATION_REF>START</INTEGRATION_REF>\n        <ANGLE_TYPE>RADEC</ANGLE_TYPE>\n        <REFERENCE_FRAME>EME2000</REFERENCE_FRAME>\n      </metadata>\n      <data>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <ANGLE_1>332.2298</ANGLE_1>\n        </observation>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <ANGLE_2>-16.3028</ANGLE_2>\n        </observation>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <MAG>12.1</MAG>\n        </observation>\n        <observation>\n          <EPOCH>2005-06-30T12:00:10.25</EPOCH>\n          <MAG>12.3</MAG>\n        </observation>\n      </data>\n    </segment>\n  </body>\n</tdm>\n";
 

@@ -330,6 +330,9 @@ pub(super) fn named_times<'a>(
     let system = system.or_else(|| table.meta_text("time_scale")).map(str::trim);
     let origin = Origin::of_votable(table, name, &said).or_else(|| Origin::of_fits(table, name));
     let mut read = times(path, table, name, names, system, origin)?;
+    if let Some(rows) = table.meta.get("untimed_rows").and_then(serde_json::Value::as_u64) {
+        read.notes.push(format!("{rows} rows without a time are left out"));
+    }
     let notes = table.meta.get(READING_NOTES).and_then(|notes| notes.as_array());
     read.notes.extend(notes.into_iter().flatten().filter_map(|n| n.as_str()).map(str::to_owned));
     Ok(Some((name, read)))
@@ -454,9 +457,6 @@ impl Origin {
                 "{name}: TIMEREF says {}: times are not those of the observer",
                 place.trim()
             ));
-        }
-        if let Some(rows) = table.meta.get("untimed_rows").and_then(serde_json::Value::as_u64) {
-            notes.push(format!("{rows} rows without a time are left out"));
         }
         Some(Self { day: days, part, unit, unit_days, add, notes })
     }

@@ -208,14 +208,21 @@ pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError
         return Ok(Source::Samples(format, Box::new(read)));
     }
     if xml::is_votable(&text) {
-        return Ok(Source::Table("VOTable", Box::new(xml::votable(path, &text)?)));
+        let mut table = xml::votable(path, &text)?;
+        tables::without_untimed_rows(&mut table);
+        return Ok(Source::Table("VOTable", Box::new(table)));
     }
     if xml::is_xml(&text) {
         let expected = "a VOTable or a tracking data message, if it is XML";
         return Err(ParseError::new(path, "XML of another kind", expected));
     }
     if text.starts_with("# %ECSV") {
-        return Ok(Source::Table("ECSV", Box::new(crate::text_table::read_str(path, &text)?)));
+        let mut table = crate::text_table::read_str(path, &text)?;
+        // Our own curves are whole, or damaged.
+        if table.meta_text("quantity").is_none() {
+            tables::without_untimed_rows(&mut table);
+        }
+        return Ok(Source::Table("ECSV", Box::new(table)));
     }
     let (name, mut table) = words::read(path, &text)?;
     if let Some(note) = note {

@@ -1,5 +1,7 @@
 //! Photometry in FITS: EOSSA, and any binary table.
 
+use super::columns::usual_time;
+use super::words::is_missing;
 use super::{Format, Photometry, Source};
 use crate::fits::{Fits, Kind};
 use crate::time::parse_utc;
@@ -25,10 +27,17 @@ pub(super) fn of_fits(path: &Path, bytes: Vec<u8>) -> Result<Source, ParseError>
     Ok(Source::Table("FITS table", Box::new(table)))
 }
 
-/// Takes out the rows whose TIME is no number, as space missions write for lost cadences; their number becomes the metadata `untimed_rows`.
-fn without_untimed_rows(table: &mut Table) {
-    let Some(Values::F64(time)) = column(table, "TIME").map(|c| &c.values) else { return };
-    let keep: Vec<bool> = time.iter().map(|t| !t.is_nan()).collect();
+/// Takes out the rows that have no time: space missions write them for lost cadences, catalogues as masked values. Their number becomes the metadata `untimed_rows`.
+pub(super) fn without_untimed_rows(table: &mut Table) {
+    let Some(name) = usual_time(table).map(str::to_owned) else { return };
+    let keep: Vec<bool> = match column(table, &name).map(|c| &c.values) {
+        Some(Values::F64(times)) => times.iter().map(|t| !t.is_nan()).collect(),
+        Some(Values::I64(times)) => times.iter().map(Option::is_some).collect(),
+        Some(Values::Text(times)) => {
+            times.iter().map(|t| t.as_deref().is_some_and(|t| !is_missing(t.trim()))).collect()
+        }
+        _ => return,
+    };
     let lost = keep.iter().filter(|k| !**k).count();
     if lost == 0 || lost == keep.len() {
         return;

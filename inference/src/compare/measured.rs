@@ -85,6 +85,8 @@ pub struct MeasuredPass {
     pub notes: Vec<String>,
     /// Place of each sample in its file, from 0: samples are in the order of time.
     pub file_rows: Vec<usize>,
+    /// Rows of the file that said what another said, and were left out.
+    pub doubled: usize,
 }
 
 impl MeasuredPass {
@@ -102,6 +104,7 @@ impl MeasuredPass {
             Source::Table(_, table) => Self::table(path, input, &table, columns)?,
         };
         measured.sort();
+        measured.drop_doubled();
         sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
             CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
         })?;
@@ -148,6 +151,40 @@ impl MeasuredPass {
         self.file_rows = order;
     }
 
+    /// Takes out samples that are the same as the one before them (time, exposure, light and flags of every channel): they say nothing new. Samples without light stay, since they count for nothing.
+    fn drop_doubled(&mut self) {
+        let same = |a: usize, b: usize| {
+            let exposures = self.exposure_s.as_ref();
+            self.times[a] == self.times[b]
+                && exposures.is_none_or(|e| e[a].to_bits() == e[b].to_bits())
+                && self.channels.iter().all(|c| {
+                    c.value[a] == c.value[b]
+                        && c.sigma[a].to_bits() == c.sigma[b].to_bits()
+                        && c.flags[a] == c.flags[b]
+                })
+        };
+        let keep: Vec<bool> = (0..self.times.len()).map(|i| i == 0 || !same(i - 1, i)).collect();
+        let doubled = keep.iter().filter(|k| !**k).count();
+        if doubled == 0 {
+            return;
+        }
+        fn retain<T>(all: &mut Vec<T>, keep: &[bool]) {
+            let mut keep = keep.iter();
+            all.retain(|_| keep.next().is_some_and(|k| *k));
+        }
+        retain(&mut self.times, &keep);
+        retain(&mut self.file_rows, &keep);
+        if let Some(exposures) = &mut self.exposure_s {
+            retain(exposures, &keep);
+        }
+        for channel in &mut self.channels {
+            retain(&mut channel.value, &keep);
+            retain(&mut channel.sigma, &keep);
+            retain(&mut channel.flags, &keep);
+        }
+        self.doubled = doubled;
+    }
+
     /// Magnitudes that another program wrote.
     fn photometry(
         path: &Path,
@@ -180,6 +217,7 @@ impl MeasuredPass {
             inputs: Vec::new(),
             notes: read.notes,
             file_rows: Vec::new(),
+            doubled: 0,
         })
     }
 
@@ -201,6 +239,7 @@ impl MeasuredPass {
             inputs: curve.provenance.inputs.clone(),
             notes: curve.provenance.notes.clone(),
             file_rows: Vec::new(),
+            doubled: 0,
             times: curve.samples.time,
             exposure_s: Some(curve.samples.exposure_s),
             channels: curve
@@ -278,6 +317,7 @@ impl MeasuredPass {
             inputs: Vec::new(),
             notes,
             file_rows: Vec::new(),
+            doubled: 0,
         })
     }
 

@@ -426,6 +426,12 @@ fn warnings(
             measured.station, pass.station.name
         ));
     }
+    if measured.doubled > 0 {
+        warnings.push(format!(
+            "{} samples stand there twice (time, light and flags are the same): each counts once",
+            measured.doubled
+        ));
+    }
     let outside = measured.times.len() - simulated;
     if outside > 0 {
         warnings.push(format!(

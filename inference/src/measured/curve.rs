@@ -54,7 +54,8 @@ impl MeasuredCurve {
             CurveFile::Rates(table) => {
                 let mut curve = LightCurve::from_table(path, &table)?;
                 curve.sort();
-                Self::of_curve(path, &curve)
+                let doubled = curve.drop_doubled();
+                Self::of_curve(path, &curve, doubled)
             }
             CurveFile::Magnitudes(brightness) if brightness.is_relative => {
                 Err(MeasuredError::Relative { path: path.to_path_buf() })
@@ -86,8 +87,13 @@ impl MeasuredCurve {
         }
     }
 
-    fn of_curve(path: &Path, curve: &LightCurve) -> Result<Self, MeasuredError> {
+    fn of_curve(path: &Path, curve: &LightCurve, doubled: usize) -> Result<Self, MeasuredError> {
         let mut warnings = Vec::new();
+        if doubled > 0 {
+            warnings.push(format!(
+                "{doubled} samples stand there twice (time, light and flags are the same): each counts once"
+            ));
+        }
         match curve.kind {
             RateKind::Calibrated => {}
             RateKind::Predicted => warnings.push(format!(

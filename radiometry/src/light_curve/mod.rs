@@ -229,6 +229,33 @@ impl LightCurve {
         }
     }
 
+    /// Takes out the samples that are the same as one before (time, rates and flags of every channel), of a curve whose samples are in the order of time. Returns their number.
+    pub fn drop_doubled(&mut self) -> usize {
+        /// Samples of one moment that are looked through for the same one.
+        const OF_A_MOMENT: usize = 30;
+        let n = self.len();
+        if !self.channels.iter().all(|c| c.rate_hz.len() == n && c.flags.len() == n) {
+            return 0;
+        }
+        let time = &self.samples.time;
+        let same = |a: usize, b: usize| {
+            let of_channel = |c: &ChannelCurve| {
+                c.rate_hz[a].to_bits() == c.rate_hz[b].to_bits() && c.flags[a] == c.flags[b]
+            };
+            self.channels.iter().all(of_channel)
+        };
+        let mut keep = vec![true; n];
+        for i in 1..n {
+            let before = (0..i).rev().take_while(|k| time[*k] == time[i]);
+            keep[i] = !before.take(OF_A_MOMENT).any(|k| same(k, i));
+        }
+        let lost = keep.iter().filter(|k| !**k).count();
+        if lost > 0 {
+            self.retain(&keep);
+        }
+        lost
+    }
+
     /// Keeps the samples for which `keep` is true; there is one value for each sample, and samples beyond its end are kept.
     pub fn retain(&mut self, keep: &[bool]) {
         fn pick<T>(from: &mut Vec<T>, keep: &[bool]) {
