@@ -21,7 +21,7 @@ pub struct SolveArgs {
     /// Frames (FITS), or folders of them
     #[arg(required = true, value_name = "FRAME")]
     pub frames: Vec<PathBuf>,
-    /// A list of stars for fields narrower than 15° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
+    /// A list of stars for fields narrower than 20° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
     #[arg(long, value_name = "FILE")]
     pub catalogue: Option<PathBuf>,
     /// The list's column of magnitudes [default: the first that is known]
@@ -97,7 +97,7 @@ fn written(path: &Path, solved: &Solved) -> anyhow::Result<()> {
     })?;
     let cards = solved.wcs.cards().context("these coordinates have no cards")?;
     let bytes = fits
-        .with_cards(sunglint_formats::wcs::is_coordinate, &cards)
+        .with_cards(|key| key == "CHECKSUM" || sunglint_formats::wcs::is_coordinate(key), &cards)
         .map_err(|error| sunglint_formats::FileError::encode(path, error))?;
     write_file(path, &bytes, Overwrite::Allow)?;
     Ok(())

@@ -59,6 +59,8 @@ pub fn draw(folder: &Folder, name: &str) {
     header.set("DATE-OBS", "2000-01-01T12:00:00", "");
     header.set("EXPTIME", 1.0, "");
     header.set("OBJECT", "synthetic", "");
+    header.set("ROWORDER", "TOP-DOWN", "");
+    header.set("CHECKSUM", "synthetic", "");
     let mut writer = Writer::new();
     writer.image(&Image { header, pixels: Pixels::F32(pixels.into_dyn()) }).unwrap();
     std::fs::write(folder.path(name), writer.into_bytes()).unwrap();
@@ -75,12 +77,31 @@ fn a_frame_is_solved_and_its_header_told() {
     assert!((of("centre_deg", 0) - 83.0).abs() < 0.005, "{solved}");
     assert!(of("centre_deg", 1).abs() < 0.005, "{solved}");
     assert!((of("size_deg", 0) - 25.0).abs() < 0.02, "{solved}");
-    assert_eq!(solved["is_mirrored"], false);
+    // East is to the left of north as the rows go down, and north 20° from up.
+    assert_eq!(
+        (&solved["is_mirrored"], &json["frames"][0]["first_row"]),
+        (&false.into(), &"top".into())
+    );
+    let up = solved["up_deg"].as_f64().unwrap();
+    assert!((up - 20.0).abs() < 0.05 || (up - 340.0).abs() < 0.05, "{up}");
     let fits = Fits::read(folder.path("orion.fits")).unwrap();
     let header = fits.hdus()[0].header();
-    assert_eq!(header.text("OBJECT"), Some("synthetic"));
+    assert_eq!((header.text("OBJECT"), header.text("CHECKSUM")), (Some("synthetic"), None));
     let [ra, dec] = Wcs::from_header(header).unwrap().unwrap().sky([399.5, 399.5]).unwrap();
     assert!((ra - 83.0).abs() < 0.005 && dec.abs() < 0.005, "{ra} {dec}");
+    // Without the card the first row is at the bottom, as viewers of FITS draw it: upside down, and mirrored.
+    let mut bytes = std::fs::read(folder.path("orion.fits")).unwrap();
+    let at = bytes.windows(8).position(|w| w == b"TOP-DOWN").unwrap();
+    bytes[at..at + 8].copy_from_slice(b"UNKNOWN ");
+    std::fs::write(folder.path("below.fits"), bytes).unwrap();
+    let below = folder.json(&["solve", "below.fits", "--json"]);
+    let drawn = &below["frames"][0]["solved"];
+    assert_eq!(
+        (&drawn["is_mirrored"], &below["frames"][0]["first_row"]),
+        (&true.into(), &"bottom".into())
+    );
+    let turned = (drawn["up_deg"].as_f64().unwrap() - up).rem_euclid(360.0);
+    assert!((turned - 180.0).abs() < 0.01, "{turned}");
     // A second time, from the header's own scale or not: the same place.
     let again = folder.json(&["solve", "orion.fits", "--json"]);
     assert_eq!(again["frames"][0]["solved"]["stars"], solved["stars"]);

@@ -306,3 +306,36 @@ fn clipped_pixels_are_saturation() {
         }
     }
 }
+
+/// Skies without noise: constant frames hold nothing, whatever rounding leaves. A frame of 8 bits whose sky lies below the converter's 0 (synthetic) holds the drawn stars and nothing else,
+/// with their light over the converter's own noise (a step over √12; a Gaussian profile of σ 1.5 px has 4π σ² pixels of it) as significance: within a factor of 2, as the wings are cut off.
+#[test]
+fn skies_without_noise_hold_only_what_is_in_them() {
+    for level in [0.0_f32, 1890.0, 0.37] {
+        let frame = Array2::from_elem((100, 120), level);
+        let field = found(&frame);
+        assert!(field.points.is_empty() && field.streaks.is_empty(), "{level}: {field:?}");
+    }
+    let mut light = Array2::from_elem((240, 320), -12.0);
+    let stars: Vec<([f64; 2], f64)> = (0..24)
+        .map(|i| {
+            let place = [30.3 + 50.0 * f64::from(i % 6), 30.7 + 58.0 * f64::from(i / 6)];
+            (place, 900.0 + 60.0 * f64::from(i))
+        })
+        .collect();
+    for (place, flux) in &stars {
+        add_point(&mut light, *place, *flux, 1.5);
+    }
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(0x0C11);
+    let frame = noisy(&light, 2.0, &mut rng).mapv(|v| v.round().clamp(0.0, 255.0));
+    let field = found(&frame);
+    assert!(field.streaks.is_empty(), "{:?}", field.streaks);
+    assert_eq!(field.points.len(), stars.len(), "{:?}", field.points);
+    let step_noise = 12_f64.sqrt().recip() * (4.0 * std::f64::consts::PI * 1.5 * 1.5).sqrt();
+    for (place, _) in &stars {
+        let away = |p: &[f64; 2]| (p[0] - place[0]).hypot(p[1] - place[1]);
+        let point = field.points.iter().find(|p| away(&p.place_px) < 0.5).unwrap();
+        let ratio = point.significance / (point.flux_adu / step_noise);
+        assert!((0.5..2.0).contains(&ratio), "{ratio}: {point:?}");
+    }
+}

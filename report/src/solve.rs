@@ -17,7 +17,9 @@ pub struct Frame {
     pub time_utc: Option<String>,
     /// Points in the frame, or trails where stars are trailed.
     pub sources: usize,
-    /// The place; none where no pattern was beyond chance.
+    /// Where the first row is drawn: `top` where ROWORDER says TOP-DOWN, else `bottom`.
+    pub first_row: &'static str,
+    /// The place, its directions as the frame is drawn; none where no pattern was beyond chance.
     pub solved: Option<Solved>,
 }
 
@@ -28,7 +30,8 @@ impl Frame {
             file: header.path.display().to_string(),
             time_utc: header.time.as_ref().map(|time| format_utc(time.middle, 3)),
             sources,
-            solved,
+            first_row: if header.is_top_down { "top" } else { "bottom" },
+            solved: solved.map(|s| s.drawn(header.is_top_down)),
         }
     }
 }
@@ -79,7 +82,7 @@ pub fn text(frames: &[Frame]) -> String {
         let mirrored = if s.is_mirrored { ", mirrored" } else { "" };
         let _ = writeln!(
             text,
-            "{}: RA {:.5}°, Dec {:+.5}° (±{:.2}″), {:.3}° × {:.3}°, {:.3}″/px, up is {:.2}° from north through east{mirrored}; {} stars, scatter {:.2} px",
+            "{}: RA {:.5}°, Dec {:+.5}° (±{:.2}″), {:.3}° × {:.3}°, {:.3}″/px, up is {:.2}° from north through east{mirrored} (first row at the {}); {} stars, scatter {:.2} px",
             frame.file,
             s.centre_deg[0],
             s.centre_deg[1],
@@ -88,6 +91,7 @@ pub fn text(frames: &[Frame]) -> String {
             s.size_deg[1],
             s.scale_arcsec,
             s.up_deg,
+            frame.first_row,
             s.stars,
             s.scatter_px,
         );

@@ -81,9 +81,9 @@ pub struct Solved {
     pub size_deg: [f64; 2],
     /// Width of a pixel, arcsec.
     pub scale_arcsec: f64,
-    /// Direction of the frame's upward rows (towards row 0), deg from north through east.
+    /// Direction of up, deg from north through east: towards the first row, but for [`drawn`](Self::drawn).
     pub up_deg: f64,
-    /// Whether the image is mirrored: east is to the right where north is up.
+    /// Whether the image is mirrored: east is to the right where north is up, with the first row at the top, but for [`drawn`](Self::drawn).
     pub is_mirrored: bool,
     /// Stars of the list that were found.
     pub stars: usize,
@@ -93,6 +93,18 @@ pub struct Solved {
     pub sigma_arcsec: f64,
     /// Probability that chance brought it about, by the search.
     pub chance: f64,
+}
+
+impl Solved {
+    /// The same with up and mirrored as the frame is drawn: with its first row at the top, or at the bottom, as FITS has it (version 4.0 of the standard, section 5.1).
+    #[must_use]
+    pub fn drawn(mut self, is_top_down: bool) -> Self {
+        if !is_top_down {
+            self.up_deg = (self.up_deg + 180.0).rem_euclid(360.0);
+            self.is_mirrored = !self.is_mirrored;
+        }
+        self
+    }
 }
 
 /// Width of the narrowest field that a list of so many stars can carry, deg.

@@ -385,30 +385,39 @@ impl Catalogue {
     }
 }
 
-/// The band of a filter's name.
+/// The band of a filter's name: a letter, before or behind the words for whose system it is (`Johnson V`, `V Bessell`, `SDSS-i`).
 fn band_of(filter: &str) -> Option<&'static Band> {
-    let is_sloan = ["sloan", "sdss", "'", "ps1", "panstarrs"]
-        .iter()
-        .any(|word| filter.to_ascii_lowercase().contains(word));
-    // The maker's words in front, the letter behind.
-    let letters = filter
-        .trim()
-        .rsplit(|c: char| !c.is_ascii_alphanumeric())
-        .find(|part| !part.is_empty())
-        .unwrap_or_default();
-    let lower = letters.to_ascii_lowercase();
-    if lower == "gaia" || lower == "gaiag" {
+    const OF_JOHNSON: [&str; 4] = ["johnson", "cousins", "bessell", "bessel"];
+    const OF_SLOAN: [&str; 4] = ["sloan", "sdss", "ps1", "panstarrs"];
+    let lower = filter.to_ascii_lowercase();
+    let has = |words: &[&str]| words.iter().any(|word| lower.contains(word));
+    let (is_sloan, is_johnson) = (has(&OF_SLOAN) || lower.contains('\''), has(&OF_JOHNSON));
+    // What is left of a word without the system's: of `JohnsonV` the letter, of `Johnson` nothing.
+    let without = |part: &str| {
+        let of_part = part.to_ascii_lowercase();
+        let system = OF_JOHNSON.iter().chain(&OF_SLOAN).find(|word| of_part.starts_with(*word));
+        part[system.map_or(0, |word| word.len())..].to_owned()
+    };
+    let mut letters = filter.split(|c: char| !c.is_ascii_alphanumeric()).map(without);
+    let letters = letters.rfind(|part| !part.is_empty()).unwrap_or_default();
+    if matches!(letters.to_ascii_lowercase().as_str(), "gaia" | "gaiag") {
         return BANDS.last();
     }
-    let single = ["johnson", "cousins", "bessell", "bessel", "sloan", "sdss"]
-        .iter()
-        .find_map(|maker| lower.strip_prefix(maker))
-        .filter(|rest| !rest.is_empty())
-        .map_or(letters, |rest| &letters[letters.len() - rest.len()..]);
-    // Sloan's letters may be written large: g' as G'.
-    let name = if is_sloan { single.to_ascii_lowercase() } else { single.to_owned() };
-    let name = name.strip_suffix('p').filter(|_| name.len() == 2).unwrap_or(&name).to_owned();
-    BANDS.iter().find(|band| band.filters.contains(&name.as_str()))
+    // Sloan's letters may be written large, Johnson's small: g' as G', V as bessel_v.
+    let name = match (is_sloan, is_johnson) {
+        (true, _) => letters.to_ascii_lowercase(),
+        (false, true) => letters.to_ascii_uppercase(),
+        (false, false) => letters,
+    };
+    // `rp` is r', `VJ` Johnson's V, `Rc` and `RC` Cousins' R.
+    let mut of_two = name.chars();
+    let name = match (of_two.next(), of_two.next(), of_two.next()) {
+        (Some(_), Some('p'), None)
+        | (Some('B' | 'V'), Some('J' | 'j'), None)
+        | (Some('R' | 'I'), Some('C' | 'c'), None) => &name[..1],
+        _ => name.as_str(),
+    };
+    BANDS.iter().find(|band| band.filters.contains(&name))
 }
 
 fn list(table: &Table) -> String {
@@ -473,6 +482,13 @@ mod tests {
             ("SLOAN R", "rmag"),
             ("SDSS-i", "imag"),
             ("rp", "rmag"),
+            ("V Bessell", "Vmag"),
+            ("bessel_v", "Vmag"),
+            ("JohnsonB", "Bmag"),
+            ("VJ", "Vmag"),
+            ("Rc", "Rmag"),
+            ("I_Cousins", "Imag"),
+            ("g SDSS", "gmag"),
             ("Gaia G", "gone"),
         ] {
             let band = band_of(filter).map(|b| b.columns[0]);
@@ -483,7 +499,7 @@ mod tests {
                 assert_eq!(band, Some(column), "{filter}");
             }
         }
-        for filter in ["Lum", "Clear", "none", "Ha", "G", ""] {
+        for filter in ["Lum", "Clear", "none", "Ha", "G", "v", "Johnson", ""] {
             assert!(band_of(filter).is_none(), "{filter}");
         }
     }

@@ -22,6 +22,10 @@ pub(crate) struct Image {
     smoother: Smoother,
 }
 
+/// Least scatter of a smoothed image, standard deviations of a pixel. White noise keeps 1, since profiles have a sum of squares of 1. Quantiles of whole numbers tell a pixel's noise to a factor of 1.6,
+/// so that less than 0.6 comes only of a sky that is constant, or cut off at 0: what rounding leaves of it is no measure.
+const LEAST_NOISE: f32 = 0.6;
+
 impl Image {
     /// Takes a window above its local background. `false` of an empty one.
     pub fn take(&mut self, window: &Window, reading: &Reading<'_>) -> bool {
@@ -91,7 +95,7 @@ impl Image {
         match self.smoother.level_of(&self.smoothed, self.size[0]) {
             None => self.smoothed.fill(0.0),
             Some(noise) => {
-                let scale = noise.sigma.max(1e-9).recip();
+                let scale = noise.sigma.max(LEAST_NOISE).recip();
                 for value in &mut self.smoothed {
                     *value = (*value - noise.level) * scale;
                 }
@@ -110,7 +114,7 @@ impl Image {
         let profile = Profile::new(sigma_px);
         let noise = self.smoother.level(&self.values, self.size, &profile);
         let [level, scale] =
-            noise.map_or([0.0; 2], |noise| [noise.level, noise.sigma.max(1e-9).recip()]);
+            noise.map_or([0.0; 2], |noise| [noise.level, noise.sigma.max(LEAST_NOISE).recip()]);
         Narrow { profile, level, scale }
     }
 

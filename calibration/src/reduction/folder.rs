@@ -661,7 +661,11 @@ impl Folder {
             } else if header.stacked > 1 {
                 self.leave(&header.path, "stacks of several exposures", "");
             } else if header.exposure_s.is_none_or(|s| s <= 0.0) {
-                self.leave(&header.path, "without an exposure (EXPTIME)", "");
+                self.leave(
+                    &header.path,
+                    "without an exposure (EXPTIME, or DATE-END beside the begin)",
+                    "",
+                );
             } else if let Some(time) = &header.time {
                 lights.push((time.middle, header));
             } else {

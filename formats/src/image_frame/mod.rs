@@ -149,6 +149,8 @@ pub struct FrameHeader {
     pub pointing_deg: Option<[f64; 2]>,
     /// Width of a pixel, arcsec, from the focal length or as a program wrote it.
     pub scale_arcsec: Option<f64>,
+    /// Whether the first row is at the top (ROWORDER is TOP-DOWN); by the FITS standard it is at the bottom.
+    pub is_top_down: bool,
     /// Assumptions and contradictions.
     pub notes: Vec<String>,
     /// All cards.
@@ -350,6 +352,7 @@ impl ImageFrame {
                 .collect();
             cards.cards.extend(more);
         }
+        let is_whole = !matches!(pixels, Pixels::F32(_) | Pixels::F64(_));
         let (pixels, full) = plane(path, pixels)?;
         let size = [pixels.ncols(), pixels.nrows()];
         let mut header = FrameHeader::understood(path, cards, size, !options.without_time)?;
@@ -360,6 +363,7 @@ impl ImageFrame {
             Some(Mosaic::Pattern(pattern)) => header.bayer = Some(pattern),
         }
         header.saturation_adu = header.saturation_adu.or(full);
+        header.forget_gain_of_scaled(&pixels, is_whole);
         let mut pixels = pixels;
         if header.pedestal_adu != 0.0 {
             let add = header.pedestal_adu as f32;
@@ -478,10 +482,25 @@ impl FrameHeader {
             site: reading.site(),
             pointing_deg: reading.pointing(),
             scale_arcsec: reading.scale_arcsec(),
+            is_top_down: reading
+                .words("ROWORDER")
+                .is_some_and(|order| order.eq_ignore_ascii_case("TOP-DOWN")),
             notes: std::mem::take(&mut reading.notes),
             cards: Header::default(),
         };
         Ok(Self { cards, ..header })
+    }
+
+    /// Takes out the electrons for an ADU of a frame whose values a program has scaled to 0…1 (Siril, PixInsight): they are of the camera's ADU.
+    fn forget_gain_of_scaled(&mut self, pixels: &Array2<f32>, is_whole: bool) {
+        let Some(gain) = self.gain_e_per_adu.filter(|_| !is_whole) else { return };
+        let most = pixels.iter().copied().filter(|v| v.is_finite()).fold(0.0_f32, f32::max);
+        if most > 0.0 && most <= 1.0 {
+            self.gain_e_per_adu = None;
+            self.notes.push(format!(
+                "no value is above 1: the gain of {gain} e/ADU is that of the camera's ADU and does not count"
+            ));
+        }
     }
 
     /// Whether the dark was taken off before the file was written.
@@ -818,6 +837,21 @@ mod tests {
             (Some(10.0), Some(-17.5), Some("HaOIII"))
         );
 
+        // The standard's own cards of exposures; both ends of one; a scale that is the camera's.
+        for (cards, seconds) in [
+            ("XPOSURE = 4.0", Some(4.0)),
+            ("TELAPSE = 4.0", Some(4.0)),
+            ("EXP_TIME= 4.0", Some(4.0)),
+            ("EXPMSEC = 4000", Some(4.0)),
+            ("DATE-END= '2026-03-04T05:06:11.5'", Some(3.5)),
+            ("DATE-END= '2026-03-04T05:06:07'", None),
+        ] {
+            let of = header(&format!("DATE-BEG= '2026-03-04T05:06:08'\n{cards}"), "a.fits");
+            assert_eq!(of.exposure_s, seconds, "{cards}");
+        }
+        let both = "DATE-BEG= '2026-03-04T05:06:08'\nDATE-END= '2026-03-04T05:06:11.5'";
+        assert_eq!(middle(&header(both, "a.fits")), "2026-03-04T05:06:09.7500Z");
+
         let maxim = header(
             "DATE-OBS= '2018-07-04T14:03:03' / [ISO 8601] UTC date/time of exposure start\n\
              EXPTIME =   3.00000000000E+002 / [sec] Duration of exposure\n\
@@ -1053,5 +1087,24 @@ mod tests {
             "{:?}",
             read.header.notes
         );
+    }
+
+    /// Truth: 1.5 e/ADU is that of the camera's ADU: values that a program has scaled to 0…1 are not these, values of 100 are.
+    #[test]
+    fn a_gain_is_of_the_cameras_adu() {
+        for (most, gain) in [(0.087_f32, None), (100.0, Some(1.5))] {
+            let mut header = Header::default();
+            header.set("EGAIN", 1.5, "");
+            header.set("EXPTIME", 1.0, "");
+            header.set("DATE-OBS", "2026-03-04T05:06:07", "");
+            let pixels = Pixels::F32(ArrayD::from_elem(IxDyn(&[4, 6]), most));
+            let mut writer = Writer::new();
+            writer.image(&Image { header, pixels }).unwrap();
+            let fits = Fits::from_bytes("a.fits", writer.into_bytes()).unwrap();
+            let frame = ImageFrame::from_fits(&fits).unwrap();
+            assert_eq!(frame.header.gain_e_per_adu, gain, "{:?}", frame.header.notes);
+            let is_told = frame.header.notes.iter().any(|n| n.contains("1.5 e/ADU"));
+            assert_eq!(is_told, gain.is_none());
+        }
     }
 }

@@ -53,6 +53,7 @@ fn unit_s(word: &str) -> Option<f64> {
         "ns" | "nsec" | "nanosecond" | "nanoseconds" => 1e-9,
         "min" | "mins" | "minute" | "minutes" => 60.0,
         "h" | "hr" | "hrs" | "hour" | "hours" => 3600.0,
+        "d" | "day" | "days" => 86_400.0,
         _ => return None,
     })
 }
@@ -67,6 +68,41 @@ fn comment_unit_s(comment: &str) -> Option<f64> {
     })
 }
 
+/// Words for a civil time in a comment.
+const LOCAL: [&str; 3] = ["local", "lt", "civil"];
+/// Zones by names that are no other words. (EST is also short for estimated.)
+const ZONES: [&str; 20] = [
+    "jst", "kst", "cet", "cest", "eet", "eest", "wet", "west", "bst", "msk", "edt", "cst", "cdt",
+    "mst", "mdt", "pst", "pdt", "hst", "aest", "aedt",
+];
+
+/// Words of a comment that say a time other than UTC: `local time`, `JST`, `UTC+1`.
+fn civil_time(comment: &str) -> Option<String> {
+    let lower = comment.to_ascii_lowercase();
+    let words = || lower.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
+    // `UTC+1`, `GMT -7`: a sign and a digit after the name, which is no part of another word.
+    for name in ["utc", "gmt", "ut"] {
+        for (at, _) in lower.match_indices(name) {
+            let begins = !lower[..at].ends_with(|c: char| c.is_ascii_alphanumeric());
+            let rest = lower[at + name.len()..].trim_start();
+            let mut signs = rest.chars();
+            if begins
+                && matches!(signs.next(), Some('+' | '-'))
+                && signs.as_str().trim_start().starts_with(|c: char| c.is_ascii_digit())
+            {
+                let digits = |c: char| !(c.is_ascii_digit() || "+-: .".contains(c));
+                let end = rest.find(digits).unwrap_or(rest.len());
+                return Some(format!("{}{}", name.to_ascii_uppercase(), rest[..end].trim_end()));
+            }
+        }
+    }
+    if words().any(|w| matches!(w, "utc" | "ut" | "gmt" | "universal")) {
+        return None;
+    }
+    let zone = words().find(|w| ZONES.contains(w)).map(str::to_ascii_uppercase);
+    zone.or_else(|| words().any(|w| LOCAL.contains(&w)).then(|| "local time".to_owned()))
+}
+
 /// A date of the form `31/12/99`, which the standard used for the years 1972 to 1999, in today's.
 fn modern(date: &str) -> Option<String> {
     let mut parts = date.split('/');
@@ -74,6 +110,10 @@ fn modern(date: &str) -> Option<String> {
     let year: u32 = year.parse().ok().filter(|y| (72..100).contains(y))?;
     Some(format!("19{year}-{month:0>2}-{day:0>2}"))
 }
+
+/// Cards of the exposure in seconds beside EXPTIME and EXPOSURE: XPOSURE and TELAPSE are the standard's own (FITS 4.0, table 35).
+const OTHER_EXPOSURES: [&str; 7] =
+    ["EXP", "EXP_TIME", "ITIME", "INTTIME", "XPOSURE", "LIVETIME", "TELAPSE"];
 
 impl Reading<'_> {
     fn comment(&self, keyword: &str) -> &str {
@@ -109,7 +149,7 @@ impl Reading<'_> {
     }
 
     pub(super) fn exposure(&mut self) -> Result<Option<f64>, ParseError> {
-        for keyword in ["EXPTIME", "EXPOSURE", "EXP", "ITIME", "INTTIME"] {
+        for keyword in ["EXPTIME", "EXPOSURE"].iter().chain(&OTHER_EXPOSURES) {
             if let Some(unit) = comment_unit_s(self.comment(keyword)).filter(|u| *u != 1.0)
                 && self.cards.get(keyword).is_some()
             {
@@ -127,12 +167,36 @@ impl Reading<'_> {
         if first.or(second).is_some() {
             return Ok(first.or(second));
         }
-        for keyword in ["EXP", "ITIME", "INTTIME"] {
+        for keyword in OTHER_EXPOSURES {
             if let Some(seconds) = self.duration_s(keyword)? {
                 return Ok(Some(seconds));
             }
         }
-        Ok(self.number("EXPOINUS", 0.0)?.map(|microseconds| microseconds * 1e-6))
+        for (keyword, unit_s) in [("EXPOINUS", 1e-6), ("EXPMSEC", 1e-3)] {
+            if let Some(number) = self.number(keyword, 0.0)? {
+                return Ok(Some(number * unit_s));
+            }
+        }
+        Ok(self.from_begin_to_end())
+    }
+
+    /// The exposure by the dates of its begin and end, where both are known.
+    fn from_begin_to_end(&mut self) -> Option<f64> {
+        let notes = self.notes.len();
+        let scale = self.scale().ok()?;
+        let start = if self.cards.get("DATE-BEG").is_some() { "DATE-BEG" } else { "DATE-OBS" };
+        let begin = self.date(start, scale).ok().flatten();
+        let end = self.date("DATE-END", scale).ok().flatten();
+        // Where they are read for the time of the frame the same is said again.
+        self.notes.truncate(notes);
+        let ((begin, _, at), (end, ..)) = (begin?, end?);
+        let seconds = (end - begin).to_seconds();
+        // A begin that is none by its comment tells no length.
+        if at.is_some_and(|at| at != At::Begin) || seconds <= 0.0 || seconds > 86_400.0 {
+            return None;
+        }
+        self.notes.push(format!("no EXPTIME: the exposure is DATE-END less {start}, {seconds} s"));
+        Some(seconds)
     }
 
     fn scale(&mut self) -> Result<Scale, ParseError> {
@@ -158,17 +222,11 @@ impl Reading<'_> {
         })
     }
 
-    /// Refuses a card whose comment says local time.
+    /// Refuses a card whose comment says another time than UTC.
     fn not_local(&self, keyword: &str) -> Result<(), ParseError> {
-        let comment = self.comment(keyword).to_ascii_lowercase();
-        let has = |all: &[&str]| {
-            comment.split(|c: char| !c.is_ascii_alphanumeric()).any(|w| all.contains(&w))
-        };
-        if !has(&["local"]) || has(&["utc", "ut", "gmt", "universal"]) {
-            return Ok(());
-        }
-        let error = self.bad(keyword, "local time, by its comment", "UTC");
-        Err(error.with_hint("nothing says how far it is from UTC: write UTC into the card"))
+        let Some(words) = civil_time(self.comment(keyword)) else { return Ok(()) };
+        let error = self.bad(keyword, format!("{words}, by its comment"), "UTC");
+        Err(error.with_hint("write UTC into the card, with a comment that says so"))
     }
 
     /// The time of day that stands beside a date, and its keyword.
@@ -394,9 +452,24 @@ mod tests {
             ("Exposure time in seconds", Some(1.0)),
             ("[us] shutter", Some(1e-6)),
             ("minimum of the exposures", None),
+            ("[d] exposure", Some(86_400.0)),
             ("", None),
         ] {
             assert_eq!(comment_unit_s(comment), unit, "{comment}");
+        }
+        for (comment, civil) in [
+            ("exposure start, LT", Some("local time")),
+            ("local time (UTC+1)", Some("UTC+1")),
+            ("UTC +05:30 start", Some("UTC+05:30")),
+            ("GMT-7", Some("GMT-7")),
+            ("start (JST)", Some("JST")),
+            ("UTC, from local time", None),
+            ("UT1-UTC is not applied", None),
+            ("UTC-OBS of start", None),
+            ("est. start of exposure", None),
+            ("[ISO 8601] UTC date/time of exposure start", None),
+        ] {
+            assert_eq!(civil_time(comment).as_deref(), civil, "{comment}");
         }
         for (comment, at) in [
             ("end of exposure (UTC)", Some(At::End)),

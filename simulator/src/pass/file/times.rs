@@ -58,7 +58,11 @@ impl Reader<'_> {
             return Err(self.error("times.to", "a time after from").with_hint(hint).into());
         }
         if steps >= MOST_SAMPLES as f64 {
-            let hint = format!("there would be {steps:.0}");
+            let hint = format!(
+                "every {step_s} s from {} to {} there would be {steps:.0}",
+                format_utc(from, 0),
+                format_utc(to, 0)
+            );
             let expected = format!("a step that makes at most {MOST_SAMPLES} samples");
             return Err(self.error("times.step_s", expected).with_hint(hint).into());
         }
