@@ -322,3 +322,20 @@ fn too_few_passes_have_no_spin() {
     let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
     assert!(found.spins.is_empty() && found.refused.is_some(), "{:?}", found.spins);
 }
+
+/// Truth: of three passes two are of one body and the third is of another, which turns 1.37 times as fast: two agree, the reason says two, and two passes say in what time they repeat.
+#[test]
+fn passes_that_agree_are_counted_once() {
+    let mut body = tumbler(2);
+    body.passes.truncate(3);
+    let (middle, other) = (body.passes[2].series[0].time_s[0], &mut body.passes[2].series[0]);
+    for t in &mut other.time_s {
+        *t = middle + (*t - middle) / 1.37;
+    }
+    let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
+    let shown = found.passes.iter().filter(|p| p.apparent_s.is_some()).count();
+    match found.refused {
+        Some(NoSpin::Apart { agree, of: 3 }) => assert_eq!((agree, shown), (2, 2)),
+        other => panic!("{other:?}"),
+    }
+}

@@ -93,6 +93,9 @@ impl SpinReport<'_> {
                     text,
                     "          {at}  {own}; repeats in {seen:.4} s, by the spin in {model:.4} s"
                 ),
+                (Some(seen), None) => {
+                    writeln!(text, "          {at}  {own}; repeats in {seen:.4} s")
+                }
                 _ => writeln!(text, "          {at}  {own}; not used"),
             };
         }

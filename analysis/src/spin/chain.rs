@@ -31,11 +31,11 @@ struct Candidate {
 /// The passes that show the shared period, with the apparent frequency, Hz.
 type Shown = Vec<(usize, f64)>;
 
-/// Asks each pass, and finds what they share.
+/// Asks each pass, and finds what they share: the passes that show it, and why they are no answer where they are none. The passes that are found hold what they show.
 pub fn of_passes(
     passes: &[SpinPass],
     options: &SpinOptions,
-) -> Result<(SpinFound, Result<Shown, NoSpin>), PeriodError> {
+) -> Result<(SpinFound, Shown, Option<NoSpin>), PeriodError> {
     let asked = passes.par_iter().map(|pass| {
         let verdict = verdict(&pass.series, &options.search)?;
         let (first, last) = pass.ends_s();
@@ -48,11 +48,14 @@ pub fn of_passes(
             middle_s,
         })
     });
-    let found: Vec<PassFound> = asked.collect::<Result<_, PeriodError>>()?;
+    let mut found: Vec<PassFound> = asked.collect::<Result<_, PeriodError>>()?;
     let candidates: Vec<Vec<Candidate>> = found.iter().map(of_pass).collect();
-    let shown = shared(passes, &found, &candidates, options);
-    let all = SpinFound { spins: Vec::new(), refused: None, epoch_s: 0.0, passes: found };
-    Ok((all, shown))
+    let (shown, refused) = shared(passes, &found, &candidates, options);
+    for (k, hz) in &shown {
+        found[*k].apparent_s = Some(1.0 / hz);
+    }
+    let all = SpinFound { spins: Vec::new(), refused, epoch_s: 0.0, passes: found };
+    Ok((all, shown, refused))
 }
 
 fn of_pass(found: &PassFound) -> Vec<Candidate> {
@@ -81,7 +84,7 @@ fn shared(
     found: &[PassFound],
     candidates: &[Vec<Candidate>],
     options: &SpinOptions,
-) -> Result<Shown, NoSpin> {
+) -> (Shown, Option<NoSpin>) {
     // How far the period of another pass may be from one, relative.
     let room = |period_s: f64, from: usize, k: usize, sigma_s: f64| {
         let bound = passes[k].path.bounds(period_s).fastest_deg_s / 360.0
@@ -125,7 +128,7 @@ fn shared(
     let answers = |c: &Vec<Candidate>| c.iter().any(|c| c.weight >= 1.0);
     let with = candidates.iter().filter(|c| answers(c)).count();
     let Some((score, from, c)) = best.filter(|_| passes.len() >= LEAST_PASSES) else {
-        return Err(NoSpin::Passes { with, of: passes.len() });
+        return (Vec::new(), Some(NoSpin::Passes { with, of: passes.len() }));
     };
     let shown: Shown = (0..passes.len())
         .filter_map(|k| {
@@ -134,11 +137,13 @@ fn shared(
             Some((k, 1.0 / period_s))
         })
         .collect();
-    if with < 2 {
-        return Err(NoSpin::Passes { with, of: passes.len() });
-    }
-    if score < AGREE * with as f64 || shown.len() < LEAST_PASSES {
-        return Err(NoSpin::Apart { agree: shown.len(), of: passes.len() });
-    }
-    Ok(shown)
+    let of = passes.len();
+    let refused = if with < 2 {
+        Some(NoSpin::Passes { with, of })
+    } else if score < AGREE * with as f64 || shown.len() < LEAST_PASSES {
+        Some(NoSpin::Apart { agree: shown.len(), of })
+    } else {
+        None
+    };
+    (shown, refused)
 }

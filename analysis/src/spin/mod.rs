@@ -130,7 +130,7 @@ pub struct PassFound {
     pub name: String,
     /// The verdict on it alone; its periods are apparent ones.
     pub verdict: Verdict,
-    /// The period that the passes share, as this one shows it, s; none where it does not, or does not fit.
+    /// The period that passes share, as this one shows it, s, also where too few do; none where it does not, or does not fit.
     pub apparent_s: Option<f64>,
     /// The same by the likeliest spin, s.
     pub model_s: Option<f64>,
@@ -182,14 +182,10 @@ pub fn by_pass(mut series: Vec<Series>, gap_s: f64) -> Vec<Vec<Series>> {
 /// # Errors
 /// Those of [`crate::period::verdict()`]; passes that are too short or constant are named in the result.
 pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound, PeriodError> {
-    let (mut found, shown) = chain::of_passes(passes, options)?;
-    let shown = match shown {
-        Ok(shown) => shown,
-        Err(refused) => {
-            found.refused = Some(refused);
-            return Ok(found);
-        }
-    };
+    let (mut found, shown, refused) = chain::of_passes(passes, options)?;
+    if refused.is_some() {
+        return Ok(found);
+    }
     let scans: Vec<scan::Scan> =
         shown.iter().filter_map(|(k, hz)| scan::Scan::new(&passes[*k], *k, *hz)).collect();
     if scans.len() < LEAST_PASSES {
@@ -198,6 +194,7 @@ pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound
     }
     let posterior = posterior::Posterior::new(&scans, options);
     (found.spins, found.epoch_s) = (posterior.spins(), posterior.epoch_s);
+    found.passes.iter_mut().for_each(|pass| pass.apparent_s = None);
     for scan in &scans {
         let pass = &mut found.passes[scan.number];
         pass.apparent_s = Some(1.0 / scan.apparent_hz());
