@@ -126,6 +126,7 @@ impl Default for Span {
             sun_radius_rad: 0.0,
             phase_rad: 0.0,
             earthshine: 0.0,
+            moon: false,
             penumbra: 0,
             umbra: 0,
             shadow: false,

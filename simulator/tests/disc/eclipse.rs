@@ -7,6 +7,7 @@ use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_simulator::light::disc::eclipse::{fractions, globe};
 use sunglint_simulator::light::disc::profile::factors;
 use sunglint_simulator::light::{Lighting, Scene, SunOptions};
+use sunglint_simulator::target::Target;
 
 fn seen(discs: &Discs, nm: f64) -> f64 {
     fractions(discs).iter().zip(factors(nm)).map(|(s, l)| s * l).sum()
@@ -90,6 +91,43 @@ fn the_shadow_within_the_light_engine() {
             let (ours, _) = at(&polished, &dark, 550.0);
             // Its edge stands at +depth towards the Earth.
             assert_eq!(ours > 0.0, x < depth, "{depth} {x}: {ours}");
+        }
+    }
+}
+
+/// Truth: a white cylinder of 1 m and 1 m height, seen square to its axis, sends (cos e/2π)(sin γ + (π − γ) cos γ) towards an azimuth γ away from the Sun's (the integral of both cosines over the arc that is lit and seen,
+/// by hand; e is the Sun's elevation), averaged over what the Earth leaves of the disc (400² places; an edge through them is worth 1e-3 of the light, and as much of how far it moves, 2e-5). The light
+/// of a half-set disc comes from half a radius off its middle, which changes 1 % here.
+#[test]
+fn a_cylinder_at_sunset() {
+    let text = "[[part]]\nname = \"c\"\nshape = \"cylinder\"\nradius_m = 1\nheight_m = 1\nmaterial = \"m\"\n[[material]]\nname = \"m\"\nmodel = \"lambert\"\nreflectance = 1\n";
+    let target = Target::parse("cylinder.toml", text).unwrap();
+    let options = SunOptions { eclipse: true, ..SunOptions::default() };
+    let scene = Scene::with_sun(&target, options).unwrap();
+    for gamma in [1.0_f64, 2.1, 2.7] {
+        let to = DVec3::new(gamma.cos(), gamma.sin(), 0.0);
+        let sent = |d: DVec3| {
+            let azimuth = d.y.atan2(d.x);
+            let apart = (gamma - azimuth).abs();
+            d.x.hypot(d.y) / (2.0 * PI) * (apart.sin() + (PI - apart) * apart.cos())
+        };
+        for depth in [0.0, 0.6, -0.6] {
+            let discs = discs(1.1, depth);
+            let earth = globe(&discs, DVec3::X, DVec3::new(0.3, 0.9, 0.1).normalize(), 7e6);
+            let dark = Lighting { shadow: Some(earth), ..lighting(DVec3::X, to) };
+            let (found, stated) = at(&scene, &dark, 550.0);
+            let left = |value: &dyn Fn(DVec3) -> f64| {
+                let edge = 2.0 * (0.5 * 1.1_f64).sin();
+                let sees =
+                    |d: DVec3| if (d - earth.toward).length() > edge { value(d) } else { 0.0 };
+                average(DVec3::X, 550.0, 400, sees)
+            };
+            // Against the light that is left, of which the edge's places are the same.
+            let truth = left(&sent) / left(&|d| d.x);
+            let found = found / seen(&discs, 550.0);
+            let off = (found / truth - 1.0).abs();
+            assert!(off <= stated / found + 1e-4, "{gamma} {depth}: {found} ± {stated}, {truth}");
+            assert!(stated < 1e-3 * found, "{gamma} {depth}: {stated} of {found}");
         }
     }
 }

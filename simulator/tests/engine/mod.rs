@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+mod glints;
 mod scenes;
 mod sums;
 mod tracer;

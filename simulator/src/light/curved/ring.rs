@@ -4,7 +4,7 @@
 
 use super::zone::{Half, Pole, Profile, Ring, Zone, crossings};
 use crate::surface::{Material, Width};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 use sunglint_numerics::panels;
@@ -32,6 +32,8 @@ static FINE: LazyLock<[Vec<(f64, f64)>; 2]> =
     LazyLock::new(|| [1, 2].map(|order| panels::panel(-1.0, 1.0, order).collect()));
 /// Widths below which the material's lobe may lie: panels shrink towards it, radians.
 const NARROW: [f64; 3] = [0.4, 0.08, 0.016];
+/// The sine of an angle below which a lobe lies on the axis: far above rounding, far below the narrowest lobe.
+const ON_AXIS: f64 = 1e-9;
 
 /// Integral to compute, in the part's axes.
 #[derive(Debug)]
@@ -222,9 +224,12 @@ impl<'a> Task<'a> {
         }
         if !self.material.is_lambert() {
             let half = self.zone.sign() * self.bisector;
-            let middle = half.y.atan2(half.x);
-            let near = NARROW.iter().flat_map(|a| [-a, *a]).chain([0.0]);
-            stops.extend(near.map(|a| from + (middle + a - from).rem_euclid(TAU)));
+            // Circles about the lobe's own axis are alike all around.
+            if half.x.hypot(half.y) > ON_AXIS {
+                let middle = half.y.atan2(half.x);
+                let near = NARROW.iter().flat_map(|a| [-a, *a]).chain([0.0]);
+                stops.extend(near.map(|a| from + (middle + a - from).rem_euclid(TAU)));
+            }
         }
         let scale = scale * ring.r * ring.dr.hypot(ring.dz);
         // What is left of its error must not look like the shape of what is integrated over it.
@@ -319,9 +324,10 @@ fn bisector(zone: &Zone, sun: DVec3, eye: Pole) -> DVec3 {
 pub fn add_near_ball(material: &Material, phase: f64, distance: f64, out: &mut [f64]) -> f64 {
     let profile = Profile::Arc { radius: 1.0, middle: 0.0 };
     let zone = Zone { profile, from: 0.0, to: PI, outward: true };
-    // Sun and observer stand in the plane of the ball's equator: the lobe's panels are alike above and below.
-    let sun = DVec3::new(phase.cos(), phase.sin(), 0.0);
-    let eye = Pole::Near(distance * DVec3::X);
+    // A ball has any axis: that through the point that mirrors the Sun to the observer, about which the lobe is round.
+    let (sun, eye) = (DVec3::new(phase.cos(), phase.sin(), 0.0), distance * DVec3::X);
+    let turn = DQuat::from_rotation_arc(bisector(&zone, sun, Pole::Near(eye)), DVec3::Z);
+    let (sun, eye) = (turn * sun, Pole::Near(turn * eye));
     let Some(task) = Task::new(zone, material, DVec3::X, sun, eye, distance * distance) else {
         return 0.0;
     };

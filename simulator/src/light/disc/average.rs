@@ -2,7 +2,8 @@
 
 use super::cut::{Cut, Disc, Left};
 use super::profile::{PROFILES, profiles, second_moments};
-use super::rays::{self, Bell};
+use super::rays;
+pub(in crate::light) use super::rays::Bell;
 use super::rings;
 use super::sums::Sums;
 use crate::surface::{Distribution, Lobe, Material, Width};
@@ -152,6 +153,21 @@ impl Averager {
         (mean, [wide * axis, narrow * axis.perp()])
     }
 
+    /// The same of the light of all that a cut leaves of the disc.
+    pub fn rest(&mut self, earth: Option<Cut>) -> (DVec2, [DVec2; 2]) {
+        match earth {
+            None => {
+                let wide = second_moments()[0].sqrt();
+                (DVec2::ZERO, [wide * DVec2::X, wide * DVec2::Y])
+            }
+            Some(cut) => {
+                let mut even = |_: DVec2, out: &mut [f64]| out[0] += 1.0;
+                rings::average(&[cut], 1, (1e-6, 0.0), &mut even, &mut self.sums);
+                self.spot()
+            }
+        }
+    }
+
     /// The second moments of light that comes evenly from the disc.
     fn spread(&mut self, square: f64) {
         let all = self.sums.moments[0];
@@ -210,7 +226,7 @@ impl Averager {
 }
 
 /// The place of the disc (or of its plane) that a mirror sends to the observer.
-fn mirrored(disc: &Disc, to: DVec3) -> Option<DVec2> {
+pub(in crate::light) fn mirrored(disc: &Disc, to: DVec3) -> Option<DVec2> {
     let from = DVec3::new(-to.x, -to.y, to.z);
     let ahead = from.dot(disc.middle) > 0.0;
     ahead.then(|| DVec2::new(from.dot(disc.u), from.dot(disc.v)) / disc.sine)
@@ -218,7 +234,7 @@ fn mirrored(disc: &Disc, to: DVec3) -> Option<DVec2> {
 
 impl Bell {
     /// A lobe as the observer sees it on the disc; `None` where it has no shape there.
-    fn of(lobe: &Lobe, disc: &Disc, to: DVec3) -> Option<Self> {
+    pub(in crate::light) fn of(lobe: &Lobe, disc: &Disc, to: DVec3) -> Option<Self> {
         let tails = lobe.distribution() == Distribution::Ggx;
         // Near the mirror's image all is linear about that; farther away about the middle.
         let near = mirrored(disc, to).filter(|p| p.length() < 30.0);
@@ -253,7 +269,7 @@ impl Bell {
     }
 
     /// The shortest length over which it changes, in radii of the disc.
-    fn scale(&self) -> f64 {
+    pub(in crate::light) fn scale(&self) -> f64 {
         let [a, b] = [self.axes.x_axis, self.axes.y_axis];
         // The smaller singular value.
         let (sum, determinant) = (a.length_squared() + b.length_squared(), self.axes.determinant());

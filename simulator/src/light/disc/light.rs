@@ -132,7 +132,7 @@ impl Evaluator<'_> {
         self.scene.materials.iter().all(|m| open(m) <= 0.1 * large.sampling.tolerance)
     }
 
-    /// A sampled scene under the disc: from its middle; of a partly hidden disc the share that is left.
+    /// A sampled scene under the disc: from its middle; of a partly hidden disc the share that is left, from where its light comes on the average.
     fn sampled_under(
         &mut self,
         now: &Now<'_>,
@@ -142,7 +142,8 @@ impl Evaluator<'_> {
     ) -> Result<(), DirectionError> {
         let scene = self.scene;
         let mut plain = vec![0.0; scene.weight_count()];
-        self.sum(now.disc.middle, now.disc.middle, view, 0, &mut plain)?;
+        let (spot, _) = self.disc.averager.rest(now.earth);
+        self.sum(now.disc.direction(spot), now.disc.middle, view, 0, &mut plain)?;
         let share =
             now.earth.map_or([1.0, 0.0, 0.0, 0.0, 0.0], |cut| super::rings::fractions(&[cut]));
         for (number, material) in scene.materials.iter().enumerate() {
@@ -184,7 +185,7 @@ impl Evaluator<'_> {
 
     /// Adds a curved surface that is no sphere: by the middle of the disc, or by four places with the disc's second moments where the material needs it. A
     /// curved surface turns its lobe past the disc by itself, so that more is not asked of it; what four places differ from one is the scale of the
-    /// error. Of a partly hidden disc the share that is left counts.
+    /// error. Of a partly hidden disc the share that is left counts, from where its light comes on the average.
     fn curved_under(&mut self, now: &Now<'_>, what: Bent, weights: &mut [f64], errors: &mut [f64]) {
         let scene = self.scene;
         let number = match what {
@@ -195,16 +196,25 @@ impl Evaluator<'_> {
         let share =
             now.earth.map_or([1.0, 0.0, 0.0, 0.0, 0.0], |cut| super::rings::fractions(&[cut]));
         let (mut values, mut open) = (vec![0.0; count], vec![0.0; count]);
-        self.curved_towards(now, what, now.disc.middle, &mut values, &mut open);
-        let relative = middle_alone(&scene.materials[number], now.disc.sine);
+        let (spot, spread) = self.disc.averager.rest(now.earth);
+        self.curved_towards(now, what, now.disc.direction(spot), &mut values, &mut open);
+        // What is left to a phase angle of 180°, about: there light falls off as its third power (`engine::disc`).
+        let place = match what {
+            Bent::Triangle(i) => self.now.origin[i],
+            Bent::Round(k) => self.now.place[k].point(scene.rounds[k].middle),
+        };
+        let left = (now.disc.middle + now.eye.from(place)).length().max(now.disc.sine);
+        let relative = middle_alone(&scene.materials[number], now.disc.sine)
+            .max((now.disc.sine / left).powi(2));
         if relative > now.sun.options.tolerance {
-            let reach = (2.0 * super::profile::second_moments()[0]).sqrt();
+            let reach = std::f64::consts::SQRT_2;
             let mut mean = vec![0.0; count];
-            for place in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
-                let towards = now.disc.direction(reach * place);
+            for step in [spread[0], -spread[0], spread[1], -spread[1]] {
+                let place = spot + reach * step;
                 let mut one = vec![0.0; count];
-                self.curved_towards(now, what, towards, &mut one, &mut open);
-                mean.iter_mut().zip(&one).for_each(|(m, v)| *m += 0.25 * v);
+                self.curved_towards(now, what, now.disc.direction(place), &mut one, &mut open);
+                let scale = 0.25 / now.disc.cosine(place);
+                mean.iter_mut().zip(&one).for_each(|(m, v)| *m += scale * v);
             }
             for ((value, mean), open) in values.iter_mut().zip(&mean).zip(&mut open) {
                 *open = 0.2 * *open + (*value - mean).abs() * relative.min(1.0);

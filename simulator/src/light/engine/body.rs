@@ -5,13 +5,15 @@ use crate::light::{SceneError, Source, Term};
 use crate::surface::{Distribution, Material};
 use crate::target::Hinge;
 use glam::{DQuat, DVec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use sunglint_radiometry::spectrum::{Factor, Spectrum};
 
 /// Cells along each side of a face of the cube on which normals are gathered.
 const CELLS: f64 = 16.0;
-/// Facets up to which each is a patch of its own.
+/// Directions up to which all facets that look the same way are a patch of their own.
 const EACH: usize = 64;
+/// Axes that are alike, radians: far below anything that a lobe or the disc could tell apart, far above rounding.
+const ALIKE: f64 = 1e-8;
 /// Cosines of incidence at which a reflectance is looked at.
 const COSINES: [f64; 4] = [1.0, 0.7, 0.3, 0.05];
 
@@ -28,6 +30,10 @@ pub struct Patch {
     pub material: usize,
     /// 0, or the number of the hinge + 1.
     pub group: usize,
+    /// First axis in the plane of its facets (of one of them, where their material needs none), body axes, at angle 0 of the hinges.
+    pub tangent: DVec3,
+    /// Whether normals at their corners bend its facets.
+    pub bent: bool,
 }
 
 /// A material in short.
@@ -45,8 +51,11 @@ pub struct Gloss {
 #[derive(Debug)]
 pub struct Body {
     pub(super) patches: Vec<Patch>,
-    /// Radius (of a ball around it) and material of each curved part.
-    pub(super) rounds: Vec<(f64, usize)>,
+    /// Radius (of a ball around it) and material of each curved part, and whether it is a sphere.
+    pub(super) rounds: Vec<(f64, usize, bool)>,
+    /// Materials of spheres, and those of other curved surfaces: parts, and facets that are bent.
+    pub(super) spheres: Vec<usize>,
+    pub(super) curved: Vec<usize>,
     pub(super) glosses: Vec<Gloss>,
     pub(super) hinges: Vec<Hinge>,
     /// The farthest point from the body's origin, m.
@@ -60,9 +69,18 @@ impl Body {
         let corner = now.corners.iter().map(|c| c.length()).fold(0.0, f64::max);
         let places = scene.rounds.iter().zip(&now.place);
         let reach = places.map(|(r, place)| place.point(r.middle).length() + r.radius);
+        let of = |sphere: bool| {
+            let rounds = scene.rounds.iter().filter(move |r| r.sphere.is_some() == sphere);
+            rounds.map(|r| r.material as usize)
+        };
+        let rounds =
+            scene.rounds.iter().map(|r| (r.radius, r.material as usize, r.sphere.is_some()));
+        let bent = scene.facets.iter().filter(|f| f.patch.is_some()).map(|f| f.material as usize);
         Ok(Self {
             patches: patches(scene),
-            rounds: scene.rounds.iter().map(|r| (r.radius, r.material as usize)).collect(),
+            rounds: rounds.collect(),
+            spheres: distinct(of(true)),
+            curved: distinct(of(false).chain(bent)),
             glosses,
             hinges: scene.hinges.clone(),
             size_m: reach.fold(corner, f64::max),
@@ -71,11 +89,20 @@ impl Body {
 
     /// The unit normal of a patch with the Sun in a direction: hinged parts turn to it.
     pub(super) fn normal(&self, patch: &Patch, sun: DVec3) -> DVec3 {
+        self.turned(patch, sun, patch.normal)
+    }
+
+    /// Tangent of a patch with the Sun in a direction.
+    pub(super) fn tangent(&self, patch: &Patch, sun: DVec3) -> DVec3 {
+        self.turned(patch, sun, patch.tangent)
+    }
+
+    fn turned(&self, patch: &Patch, sun: DVec3, axis: DVec3) -> DVec3 {
         match patch.group {
-            0 => patch.normal,
+            0 => axis,
             h => {
                 let hinge = &self.hinges[h - 1];
-                DQuat::from_axis_angle(hinge.axis, hinge.angle_rad(sun)) * patch.normal
+                DQuat::from_axis_angle(hinge.axis, hinge.angle_rad(sun)) * axis
             }
         }
     }
@@ -83,14 +110,14 @@ impl Body {
     /// The area of all surfaces, m²; of curved parts that of a ball around each.
     pub fn area_m2(&self) -> f64 {
         let flat: f64 = self.patches.iter().map(|p| p.area_m2).sum();
-        let round: f64 = self.rounds.iter().map(|(r, _)| r * r).sum();
+        let round: f64 = self.rounds.iter().map(|(r, ..)| r * r).sum();
         flat + 4.0 * std::f64::consts::PI * round
     }
 
     /// Whether any surface is of this material.
     pub fn uses(&self, material: usize) -> bool {
         self.patches.iter().any(|p| p.material == material)
-            || self.rounds.iter().any(|(_, m)| *m == material)
+            || self.rounds.iter().any(|(_, m, _)| *m == material)
     }
 
     /// The materials that some surface is of.
@@ -139,33 +166,63 @@ fn gloss(material: &Material) -> Result<Gloss, SceneError> {
 }
 
 fn patches(scene: &Scene) -> Vec<Patch> {
-    let facets = scene.facets.iter().enumerate();
-    let each = scene.report().facets <= EACH;
-    let mut cells: BTreeMap<(u32, u32, [i64; 4]), Vec<usize>> = BTreeMap::new();
-    for (i, facet) in facets {
-        let key = if each { [i as i64, 0, 0, 0] } else { cell(scene.geometry.normal[i]) };
-        cells.entry((facet.group, facet.material, key)).or_default().push(i);
-    }
-    let patch = |((group, material, _), facets): ((u32, u32, _), Vec<usize>)| {
+    let exact = gathered(scene, |d| (d / ALIKE).round().to_array().map(|x| x as i64));
+    let patches = if exact.len() <= EACH { exact } else { gathered(scene, cell) };
+    let patch = |(key, facets): (Key, Vec<usize>)| {
         let area_m2 = facets.iter().map(|&i| scene.facets[i].area).sum();
         let mean: DVec3 =
             facets.iter().map(|&i| scene.facets[i].area * scene.geometry.normal[i]).sum();
         let normal = mean.try_normalize().unwrap_or(scene.geometry.normal[facets[0]]);
         let apart = facets.iter().map(|&i| scene.geometry.normal[i].distance(normal));
+        let chord = apart.fold(0.0, f64::max);
         Patch {
             normal,
-            chord: if facets.len() == 1 { 0.0 } else { apart.fold(0.0, f64::max) },
+            chord: if chord < 2.0 * ALIKE { 0.0 } else { chord },
             area_m2,
-            material: material as usize,
-            group: group as usize,
+            material: key.material as usize,
+            group: key.group as usize,
+            tangent: scene.geometry.tangent[facets[0]],
+            bent: key.bent,
         }
     };
-    cells.into_iter().map(patch).collect()
+    patches.into_iter().map(patch).collect()
+}
+
+/// Properties that the facets of a patch share.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    group: u32,
+    material: u32,
+    bent: bool,
+    normal: [i64; 3],
+    /// None where the material reflects the same whatever its tangent.
+    tangent: Option<[i64; 3]>,
+}
+
+/// Facets by what they share, with axes that are alike where `cell` says so.
+fn gathered(scene: &Scene, cell: impl Fn(DVec3) -> [i64; 3]) -> BTreeMap<Key, Vec<usize>> {
+    let isotropic: Vec<bool> = scene.materials().iter().map(Material::is_isotropic).collect();
+    let mut cells: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
+    for (i, facet) in scene.facets.iter().enumerate() {
+        let key = Key {
+            group: facet.group,
+            material: facet.material,
+            bent: facet.patch.is_some(),
+            normal: cell(scene.geometry.normal[i]),
+            tangent: (!isotropic[facet.material as usize]).then(|| cell(scene.geometry.tangent[i])),
+        };
+        cells.entry(key).or_default().push(i);
+    }
+    cells
+}
+
+/// Each number once.
+fn distinct(numbers: impl Iterator<Item = usize>) -> Vec<usize> {
+    numbers.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// The cell of a direction on a cube.
-fn cell(direction: DVec3) -> [i64; 4] {
+fn cell(direction: DVec3) -> [i64; 3] {
     let size = direction.abs().max_element();
-    let at = |x: f64| (x / size * CELLS * 0.5).round() as i64;
-    [at(direction.x), at(direction.y), at(direction.z), 0]
+    (direction / size * CELLS * 0.5).round().to_array().map(|x| x as i64)
 }

@@ -8,9 +8,9 @@ use super::{Answer, Doubt, Options, Part, Question, Seen};
 use crate::light::{
     EarthAlbedo, Effect, Globe, Lighting, Need, Scene, SceneError, Source, View, shine,
 };
-use crate::surface::MaterialError;
+use crate::surface::{Material, MaterialError};
 use glam::{DQuat, DVec3};
-use std::f64::consts::{FRAC_1_PI, TAU};
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 
 /// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
@@ -28,6 +28,9 @@ const DIRECTIONS: f64 = 500.0;
 const TABLE_S: f64 = 3e-4;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;
+/// Phase angles at which the light of spheres is looked at, and how much more it may be between them.
+const SPHERE_PHASES: u32 = 64;
+const OF_PHASES: f64 = 1.1;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
 const MOON_RADIANCE: f64 = 0.039;
 
@@ -71,10 +74,16 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
 
 pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError> {
     let switch = question.options.switches.moonshine;
+    let effect = "moonshine";
+    if !question.course.moon {
+        let why = "only Sun, observer and, where it is given, the Earth are there".to_owned();
+        let need = Need { effect, needed: false, bound: Some(0.0), why, cost_s: None };
+        return Ok(Answer { need, part: None, doubt: None });
+    }
     let needed = question.options.needs(switch, MOON);
     let why = format!("the full Moon gives {MOON:.1e} of sunlight{}", Options::reason(switch));
     let cost_s = needed.then(|| super::direct::cost_s(question));
-    let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s };
+    let need = Need { effect, needed, bound: Some(MOON), why, cost_s };
     if needed {
         // Grey: a spectrum of 1 before the materials' own.
         let grey = shine::grey().map_err(MaterialError::from)?;
@@ -86,7 +95,20 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
         Some((_, alpha)) => FRAC_1_PI.max(0.25 * FRAC_1_PI / (alpha * alpha)),
     };
     let peaks = question.body.glosses.iter().map(gloss).collect();
-    Ok(Answer { need, part: None, doubt: Some(Box::new(Moonshine { peaks })) })
+    let sphere = |(m, material): (usize, &Material)| {
+        if !question.body.spheres.contains(&m) {
+            return 0.0;
+        }
+        let at = |k: u32| {
+            let mut weights = vec![0.0; material.spectra().len()];
+            let phase_rad = PI * f64::from(k) / f64::from(SPHERE_PHASES);
+            question.scene.add_sphere(m as u32, phase_rad, 1.0, &mut weights);
+            weights.iter().map(|w| w.abs()).sum::<f64>()
+        };
+        OF_PHASES * (0..SPHERE_PHASES).map(at).fold(0.0, f64::max)
+    };
+    let spheres = question.scene.materials().iter().enumerate().map(sphere).collect();
+    Ok(Answer { need, part: None, doubt: Some(Box::new(Moonshine { peaks, spheres })) })
 }
 
 /// Light from the Earth.
@@ -202,6 +224,8 @@ impl Doubt for Earthshine {
 struct Moonshine {
     /// The largest f_r of each material over its reflectance, sr⁻¹.
     peaks: Vec<f64>,
+    /// What a sphere of 1 m of each material sends at the most, m² sr⁻¹. A sphere spreads what it mirrors, however smooth it is: R²/4 of a mirror.
+    spheres: Vec<f64>,
 }
 
 impl Doubt for Moonshine {
@@ -210,8 +234,11 @@ impl Doubt for Moonshine {
     }
 
     fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
-        for ((error, area), peak) in unknown.iter_mut().zip(&seen.area_m2).zip(&self.peaks) {
+        for ((error, area), peak) in unknown.iter_mut().zip(&seen.open_m2).zip(&self.peaks) {
             *error += (MOON * peak).min(MOON_RADIANCE) * area;
+        }
+        for ((error, square), most) in unknown.iter_mut().zip(&seen.spheres_m2).zip(&self.spheres) {
+            *error += MOON * most * square;
         }
     }
 }

@@ -9,6 +9,7 @@
 
 mod body;
 mod bounce;
+mod change;
 mod curved;
 mod direct;
 mod disc;
@@ -125,6 +126,8 @@ pub struct Engine {
     /// The largest albedo of the Earth.
     albedo: f64,
     glint_rad: f64,
+    /// Whether the disc of the Sun is left out.
+    collimated: bool,
 }
 
 impl Engine {
@@ -168,7 +171,20 @@ impl Engine {
         terms.extend(body.unknown_terms()?);
         let albedo = earth.most();
         let glint_rad = glint_rad(&scene, &body, course);
-        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near, albedo, glint_rad })
+        let collimated = needs.iter().any(|n| n.effect == disc::EFFECT && !n.is_modelled());
+        Ok(Self {
+            scene,
+            body,
+            terms,
+            lit,
+            needs,
+            parts,
+            doubts,
+            near,
+            albedo,
+            glint_rad,
+            collimated,
+        })
     }
 
     /// The prepared target.
@@ -217,7 +233,7 @@ impl Engine {
         let adding = self.parts.iter().map(effect).collect();
         let effects = self.parts.iter().map(|(_, part)| part.worker(&self.scene));
         let materials = self.terms[..self.lit].iter().map(|t| t.material).collect();
-        let seen = Seen::of(materials, self.albedo);
+        let seen = Seen::of(materials, self.albedo, self.collimated);
         Worker { engine: self, adding, effects: effects.collect(), seen }
     }
 }
@@ -321,7 +337,7 @@ impl Worker<'_> {
     fn doubt(&mut self, lighting: &Lighting, weights: &[f64], errors: &mut [f64]) {
         let (engine, lighting) = (self.engine, self.viewed(lighting));
         if !engine.doubts.is_empty() {
-            self.seen.look(&engine.body, &lighting);
+            self.seen.look((&engine.scene, &engine.body), &lighting);
             let (known, unknown) = errors.split_at_mut(engine.lit);
             for about_sun in [true, false] {
                 for doubt in engine.doubts.iter().filter(|d| d.of_sun() == about_sun) {

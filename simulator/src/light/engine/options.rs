@@ -141,6 +141,8 @@ pub struct Course {
     pub phase_rad: f64,
     /// The largest irradiance by the Earth on a surface of the target, of that of the Sun; see [`super::Seen::earth`].
     pub earthshine: f64,
+    /// Whether there is a Moon, which may stand anywhere where [`Lighting::moon`](crate::light::Lighting::moon) says nothing.
+    pub moon: bool,
     /// Epochs in penumbra.
     pub penumbra: usize,
     /// Epochs in umbra.
@@ -206,6 +208,7 @@ impl Default for Course {
             // Beyond it a target is seen before the Sun's own glare.
             phase_rad: 170.0_f64.to_radians(),
             earthshine: EarthAlbedo::default().most(),
+            moon: true,
             penumbra: 0,
             umbra: 0,
             shadow: true,
