@@ -237,6 +237,9 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         }
     };
     let report = GotoReport { target: name, mount: args.mount.clone(), gone, synced: args.sync };
+    if let Some(warning) = report.warning() {
+        console.warn(&warning);
+    }
     args.out.finish(&report.product()?, &report.text(), console)?;
     if args.leave {
         dog.done();

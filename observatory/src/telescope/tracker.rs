@@ -1486,7 +1486,7 @@ fn tangent(at: DVec3) -> [DVec3; 2] {
 }
 
 /// A direction that is displaced along the growing axes, arcsec.
-fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
+pub(super) fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
     let [first, second] = tangent(at);
     (at + (first * off[0] + second * off[1]) / ARCSEC).normalize()
 }
