@@ -633,6 +633,47 @@ fn a_tracker_hears_that_its_watchdog_has_gone() {
     }
 }
 
+/// Truth: the rule in words, and the exit status of stand-ins for the watchdog's process: a mount that stands after the watchdog heard nothing was stopped by it; after any other end, or while it watches still, somebody else
+/// stopped it, and who parked it was never the watchdog. That status is the one of a watchdog that heard nothing.
+#[cfg(unix)]
+#[test]
+fn a_watchdogs_own_stop_is_nobody_elses() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use sunglint_observatory::telescope::watchdog::{Process, Watched};
+    let folder = tempfile::tempdir().unwrap();
+    let dog = |name: &str, end: &str, ends: bool| {
+        let program = folder.path().join(name);
+        std::fs::write(&program, format!("#!/bin/sh\necho ready\n{end}\n")).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let mut process = Process::start(&program, "mount").unwrap();
+        while ends && process.watches() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        process
+    };
+    let by_hand = |what| TrackError::ByHand { what };
+    let stopped = || by_hand("the mount was stopped by somebody else");
+    let silent = format!("exit {}", Watched::Silent.status());
+    assert_eq!((Watched::Done.status(), Watched::Stopped.status()), (0, 0));
+    let mut own = dog("silent", &silent, true);
+    assert!(matches!(own.explain(stopped()), TrackError::Silent));
+    assert!(own.was_silent());
+    assert!(matches!(
+        own.explain(TrackError::MeridianLimit { past_deg: 1.0 }),
+        TrackError::Silent
+    ));
+    let parked = own.explain(by_hand("the mount was parked by somebody else"));
+    assert!(matches!(parked, TrackError::ByHand { .. }), "{parked}");
+    for (name, end) in [("killed", "kill -9 $$"), ("failed", "exit 1"), ("done", "exit 0")] {
+        let mut gone = dog(name, end, true);
+        assert!(matches!(gone.explain(stopped()), TrackError::ByHand { .. }), "{name}");
+        assert!(!gone.was_silent(), "{name}");
+    }
+    let mut watching = dog("watching", "cat > /dev/null", false);
+    assert!(matches!(watching.explain(stopped()), TrackError::ByHand { .. }));
+    watching.done();
+}
+
 /// Truth: the rule in words: a watchdog whose own connection is lost ends, though the tracker lives: the tracker then sees that nobody watches.
 #[test]
 fn a_watchdog_whose_line_breaks_ends() {
