@@ -339,6 +339,15 @@ impl Night {
         let storage = self.storage.clone();
         let (writer, before) = match self.resumes {
             false => {
+                // The folder in which sessions are made may be new, and those above it.
+                let above = self.root.ancestors().skip(1);
+                let new: Vec<&Path> = above
+                    .take_while(|path| !path.as_os_str().is_empty() && !path.exists())
+                    .collect();
+                for folder in new.into_iter().rev() {
+                    let made = storage.create_folder(folder);
+                    made.map_err(|error| FileError::io("create", folder, error))?;
+                }
                 let made = SessionWriter::create(storage, &self.root, &self.manifest, &self.files);
                 (made?, None)
             }

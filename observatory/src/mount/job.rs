@@ -14,7 +14,7 @@ use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
 
 /// How long before its visit the mount goes to a target, s.
-const EARLY_S: f64 = 300.0;
+pub(super) const EARLY_S: f64 = 300.0;
 /// How long before its visit a satellite is followed already, s: so that it is found when the visit begins.
 const LEAD_S: f64 = 20.0;
 /// Longest path at once, s.

@@ -7,6 +7,7 @@ mod plan;
 mod sights;
 mod steer;
 
+pub(crate) use aim::needs_mount;
 pub use aim::{Aim, AimState, Ready, Waiting};
 pub(crate) use check::check_mount;
 pub use job::{Job, JobError, allowed};
