@@ -897,6 +897,10 @@ fn steps(
             target: stay.target.clone(),
             from: at(number).unwrap_or(stay.from),
             to: if number + 1 == steps { stay.to } else { at(number + 1) },
+            keeps: {
+                let [begins, ends] = stay.keeps;
+                [number == 0 && (begins || visit.from.is_some()), ends || visit.to.is_some()]
+            },
             step: Some(Arc::new(Step {
                 number: first + number,
                 continues: number > 0,
