@@ -3,8 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, archive, bench, brdf, calibrate, compare, demo, detect, devices,
-    efficiency, elements, explain, fit, focus, goto, import, light, observe, page, passes, picture,
-    reduce, session, simulate, solve, star, study, tables, track,
+    efficiency, elements, explain, fit, focus, goto, import, interrupt, light, observe, page,
+    passes, picture, reduce, session, simulate, solve, star, study, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -143,6 +143,7 @@ pub enum Command {
 /// # Errors
 /// Whatever the command says; `main` prints it and exits with 1, or with 2 where it is a [`crate::output::Usage`].
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
+    interrupt::outlive_long_files()?;
     #[cfg(feature = "opencv")]
     sunglint_drivers_opencv::provide();
     let console =

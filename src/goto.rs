@@ -220,6 +220,10 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         shown += 1;
         if watched { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
+    let went = went.map_err(|error| match error {
+        GotoError::Track(error) => GotoError::Track(dog.explain(error)),
+        error => error,
+    });
     let gone = match went {
         Ok(gone) => gone,
         // A stop would end what somebody else does with it.
@@ -229,7 +233,11 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         }
         Err(error) => {
             // What follows the stars goes on doing so: it is stopped.
+            let silent = dog.was_silent();
             stop(mount.as_mut(), dog)?;
+            if silent {
+                return Err(TrackError::Silent.into());
+            }
             if !watched {
                 bail!("the watchdog has gone: the mount was stopped");
             }
@@ -237,6 +245,9 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         }
     };
     let report = GotoReport { target: name, mount: args.mount.clone(), gone, synced: args.sync };
+    if let Some(warning) = report.warning() {
+        console.warn(&warning);
+    }
     args.out.finish(&report.product()?, &report.text(), console)?;
     if args.leave {
         dog.done();
@@ -301,6 +312,9 @@ fn hold(
                 break;
             }
             if dog.beat().is_break() {
+                if dog.was_silent() {
+                    return Err(TrackError::Silent.into());
+                }
                 bail!("the watchdog has gone: the mount is stopped");
             }
             std::thread::sleep(BEAT);

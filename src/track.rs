@@ -289,7 +289,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         .beating(move || pulse.tick());
     let mut lines = Lines::new(args.every, console);
     let mut watched = true;
-    let mut ended = tracker.run(&cancel, &mut |step| {
+    let ended = tracker.run(&cancel, &mut |step| {
         watched = dog.beat().is_continue();
         lines.show(step);
         match watched && sky.unfit().is_none() {
@@ -299,11 +299,15 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     });
     drop(tracker);
     let weather = sky.unfit();
+    let mut ended = ended.map_err(|error| dog.explain(error));
     let stands = !matches!(ended, Err(TrackError::Device(DeviceError::NotStopped { .. })));
     let by_hand = matches!(ended, Err(TrackError::ByHand { .. }));
     if !watched && ended.is_ok() {
         let what = "it has gone, and nobody would stop the mount: it was stopped".into();
-        ended = Err(DeviceError::Lost { device: "watchdog", what }.into());
+        ended = Err(match dog.was_silent() {
+            true => TrackError::Silent,
+            false => DeviceError::Lost { device: "watchdog", what }.into(),
+        });
     }
     let parks = stands && watched && !by_hand && (args.park || weather.is_some());
     let done = match parks {
@@ -517,7 +521,9 @@ pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
     });
     println!("ready");
     std::io::stdout().flush()?;
-    match watch(mount.as_mut(), &received)? {
+    let watched = watch(mount.as_mut(), &received)?;
+    drop(mount);
+    match watched {
         Watched::Silent => {
             eprintln!(
                 "sunglint: the watchdog stopped the mount: its tracker has ended or was silent for 0.5 s"
@@ -526,5 +532,9 @@ pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
         Watched::Stopped => eprintln!("sunglint: the watchdog stopped the mount by hand"),
         Watched::Done => {}
     }
-    Ok(())
+    match watched.status() {
+        0 => Ok(()),
+        // The tracker knows by it who stopped the mount.
+        status => std::process::exit(i32::from(status)),
+    }
 }

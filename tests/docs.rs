@@ -630,6 +630,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "camera_mirrored",
         "pixel_scale_arcsec",
         "off_arcsec",
+        "own_arcsec",
         "synced",
     ];
     let gone: Vec<&String> = quoted

@@ -300,6 +300,21 @@ fn a_full_disk_is_said_and_spoils_nothing() {
     assert_eq!(new_bins, old_bins);
 }
 
+/// Truth: a limit of the system for the size of files (`ulimit -f`, 60 blocks of 0.5 or 1 kB), below that of a frame (80 kB): the program outlives the signal that comes with it, says what is the matter, and fails in good order.
+#[test]
+#[cfg(unix)]
+fn a_file_that_may_not_grow_is_said() {
+    let folder = Folder::new("long-files");
+    Recording { seconds: 10.0, frame_px: 200, ..Recording::default() }.write(&folder.0.join("old"));
+    let program = env!("CARGO_BIN_EXE_sunglint");
+    let command = format!("ulimit -f 60; exec {program} observe --replay old --fast -o s");
+    let run = Command::new("sh").args(["-c", &command]).current_dir(&folder.0).output().unwrap();
+    let message = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{message}");
+    assert!(message.contains("File too large"), "{message}");
+    assert!(frames(&Session::open(folder.0.join("s")).unwrap()).is_empty());
+}
+
 /// Truth: the grammar of docs/night.md: each mistake is named with its line and what is right.
 #[test]
 fn a_plan_says_what_is_wrong_with_it() {
@@ -313,6 +328,8 @@ fn a_plan_says_what_is_wrong_with_it() {
     assert_eq!(plan.to, Some(at(60.0)));
     for (from, to, expected) in [
         ("exposure_s = 0.5", "exposure_ms = 500", "multiply the value by 0.001"),
+        ("interval_s = 2.0", "interval_s = 2.0\nbinning = 7", "a `window_px` beside it"),
+        ("interval_s = 2.0", "interval_s = 2.0\nbinning = 0", "expected 1 or more"),
         ("interval_s = 2.0", "intervall_s = 2.0", "did you mean `interval_s`?"),
         ("interval_s = 2.0", "interval_s = 0.2", "expected the exposure or more, 0.5 s"),
         ("\"sim-camera\"", "\"sim-camra\"", "nearest: sim-camera"),

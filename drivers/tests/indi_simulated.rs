@@ -11,7 +11,8 @@ use sunglint_drivers::device::{
     Camera as _, Device as _, DeviceError, FilterWheel as _, RotationStage as _, Window,
 };
 use sunglint_drivers::indi::{
-    Camera, CameraSettings, RotatorSettings, SessionSettings, open_camera, open_rotator, open_wheel,
+    Camera, CameraSettings, RotatorSettings, SessionSettings, devices, open_camera, open_rotator,
+    open_wheel,
 };
 use sunglint_drivers::simulated::indi::{
     CameraSpec, OneColour, Packing, Ramp, Scene, Server, ServerSettings, Simulated, Trouble, serve,
@@ -496,4 +497,22 @@ fn through_a_socket_that_breaks() {
     assert_eq!(frame.pixels[[29, 39]], Ramp::adu(46, 38, 0.05));
     drop(camera);
     other.join().unwrap();
+}
+
+/// Truth: the server's own devices: they are listed also where less than a second is left, as in the check of a night; and one of another kind is told as that, which no other try changes.
+#[test]
+fn devices_are_named_in_little_time() {
+    let desk = Desk::new();
+    let line = || {
+        let camera = Some(CameraSpec::default());
+        let settings = ServerSettings { camera, epoch: desk.epoch, ..ServerSettings::default() };
+        Simulated::new(Server::new(settings, Ramp))
+    };
+    let listed = devices(line(), SessionSettings::default(), &desk.within(0.6)).unwrap();
+    let names: Vec<_> = listed.iter().map(|device| device.name.as_str()).collect();
+    assert!(names.contains(&CAMERA) && names.contains(&ROTATOR), "{names:?}");
+    let wrong = open_rotator(line(), CAMERA, RotatorSettings::default(), &desk.within(10.0));
+    let wrong = wrong.unwrap_err();
+    assert!(matches!(wrong, DeviceError::WrongKind { .. }), "{wrong}");
+    assert!(wrong.is_permanent_setting() && wrong.to_string().contains("is no rotator"), "{wrong}");
 }

@@ -709,3 +709,37 @@ fn frames_names_tell_when() {
         assert_eq!(file(bad).start(), None, "{bad}");
     }
 }
+
+/// Truth: by hand: of six frames the last two are left out, after the last file; a message that comes three times, with other numbers, is one note with their count, another one is itself.
+#[test]
+fn frames_after_the_last_file_are_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    let mut writer = writer(&storage, &root);
+    for number in 1..=4 {
+        assert!(writer.frame("cam", number, &frame(number)).unwrap().is_none());
+    }
+    (5..=6).for_each(|number| writer.lose_frame("cam", number));
+    for (about, error) in [
+        ("tags of tagger", "left out: 0.3 MB are free"),
+        ("tags of tagger", "left out: 12.5 MB are free"),
+        ("cam", "it is warm"),
+        ("tags of tagger", "left out: 7 MB are free"),
+    ] {
+        let (about, error) = (about.to_owned(), error.to_owned());
+        writer.event(later(1.0), What::Error { about, error });
+    }
+    writer.finish(later(2.0), "done");
+    let report = Session::open(&root).unwrap().check().unwrap();
+    assert_eq!((report.cameras[0].frames, report.cameras[0].missing_frames), (4, 2));
+    let found = missing(&report);
+    let last = "the last 2 frames are missing: 5 to 6";
+    assert!(found.iter().any(|text| text.contains(last)), "{found:?}");
+    let said = |about: &str| {
+        let own = report.findings.iter().filter(|finding| finding.file == about);
+        own.map(|finding| finding.text.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(said("tags of tagger"), ["said 3 times, at first: left out: 0.3 MB are free"]);
+    assert_eq!(said("cam"), ["said: it is warm"]);
+}

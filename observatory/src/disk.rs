@@ -230,7 +230,7 @@ impl Writing {
                 if let Err(kept) = found {
                     self.pixels.take(bytes);
                     self.leave_out(&format!("frames of {camera}"), 1, kept);
-                    self.writer.lose_frame();
+                    self.writer.lose_frame(&camera, number);
                     return;
                 }
                 self.has_room(&format!("frames of {camera}"));

@@ -339,6 +339,15 @@ impl Night {
         let storage = self.storage.clone();
         let (writer, before) = match self.resumes {
             false => {
+                // The folder in which sessions are made may be new, and those above it.
+                let above = self.root.ancestors().skip(1);
+                let new: Vec<&Path> = above
+                    .take_while(|path| !path.as_os_str().is_empty() && !path.exists())
+                    .collect();
+                for folder in new.into_iter().rev() {
+                    let made = storage.create_folder(folder);
+                    made.map_err(|error| FileError::io("create", folder, error))?;
+                }
                 let made = SessionWriter::create(storage, &self.root, &self.manifest, &self.files);
                 (made?, None)
             }
@@ -448,6 +457,7 @@ impl Night {
             cancel,
             schedule: schedule.clone(),
             before_pause: None,
+            waits: false,
             hand,
             sequence: self.schedule.has_sequences(),
         };
@@ -615,6 +625,8 @@ struct Watch<'a> {
     schedule: Arc<SharedSchedule>,
     /// The schedule that a pause interrupts.
     before_pause: Option<Arc<Schedule>>,
+    /// Whether a person skipped the last visit: the night waits until its planned end.
+    waits: bool,
     /// A person's hand on the mount.
     hand: Option<Arc<Steering>>,
     /// Whether visits have settings of their own: then steps are told.
@@ -809,6 +821,8 @@ impl Watch<'_> {
             Control::Skip => match schedule.skipped(utc) {
                 None => refused("no visit is under way"),
                 Some(after) => {
+                    // Whoever skips the last visit may want another one.
+                    self.waits = after.is_over(utc);
                     self.exchange(after, utc);
                     Ok("the visit is over".into())
                 }
@@ -818,6 +832,7 @@ impl Watch<'_> {
                 Err(why) => refused(why),
                 Ok(again) => {
                     let text = after_repeat(&schedule, &again, utc, self.night.end);
+                    self.waits = false;
                     self.exchange(again, utc);
                     Ok(text)
                 }
@@ -901,8 +916,9 @@ impl Watch<'_> {
         }
     }
 
-    /// Goes on to the next step once each camera with a number of frames has them all.
+    /// Goes on to the next step once each camera with a number of frames has them all, and ends the night after its last visit, where that comes early.
     fn step_on(&mut self, utc: Epoch) {
+        self.end_with_visits(utc);
         let schedule = self.schedule.get();
         let Some((slot, step)) = schedule.slot(utc).and_then(|s| Some((s, s.step.as_ref()?)))
         else {
@@ -920,14 +936,16 @@ impl Watch<'_> {
             && counted.all(done)
             && let Some(after) = schedule.stepped(utc)
         {
-            let last = after.slots().last();
-            let nothing_left = last.is_some_and(|slot| {
-                slot.from <= utc && slot.target.target_kind == TargetKind::None
-            });
             self.exchange(after, utc);
-            if nothing_left && self.night.ends_with_visits {
-                self.schedule.end();
-            }
+            self.end_with_visits(utc);
+        }
+    }
+
+    /// Ends the night once its last visit has ended, where nothing else ends it and nobody waits.
+    fn end_with_visits(&self, utc: Epoch) {
+        let stays = self.before_pause.is_some() || self.waits;
+        if self.night.ends_with_visits && !stays && self.schedule.get().is_over(utc) {
+            self.schedule.end();
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
-use super::mount::MountPlan;
+use super::mount::{MountPlan, needs_mount};
 use super::schedule::{Schedule, Slot};
 use super::sequence::{CameraSetup, Exposing, Step};
 use hifitime::Epoch;
@@ -538,14 +538,20 @@ impl Plan {
                 }
             }
             let to = time(&key("to"), &visit.to)?;
+            let way_s = way_s(&written, &target, slots.last());
             let length_s = match (to, visit.for_s) {
-                (None, None) => length_s(&written, visit).and_then(Positive::new),
+                (None, None) => {
+                    let length = length_s(&written, visit).map(|length| way_s + length);
+                    length.and_then(Positive::new)
+                }
                 _ => visit.for_s,
             };
+            let way_s = if to.is_none() && visit.for_s.is_none() { way_s } else { 0.0 };
             let to = end(document, &key, begins, to, length_s)?;
             let first =
                 slots.last().and_then(|last| last.step.as_ref()).map_or(1, |s| s.number + 1);
-            slots.extend(steps(document, i, visit, first, Slot::new(target, begins, to))?);
+            let stay = Slot::new(target, begins, to);
+            slots.extend(steps(document, i, visit, first, way_s, stay)?);
         }
         check_settings(document, &written, &slots)?;
         if let Some(file) = &written.virtual_night {
@@ -764,7 +770,12 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
     }
     for (i, camera) in written.cameras.iter().enumerate() {
         if camera.binning.is_some_and(|binning| binning == 0 || camera.window_px.is_none()) {
-            let expected = "1 or more, beside a `window_px`";
+            let expected = match camera.binning {
+                Some(0) => "1 or more",
+                _ => {
+                    "a `window_px` beside it: a binning is set together with the window ([0, 0, columns, rows] of the sensor is the whole)"
+                }
+            };
             return Err(document.error_at(&format!("camera[{i}].binning"), expected));
         }
         if let Some(interval) = camera.interval_s.filter(|i| i.get() < camera.exposure_s.get()) {
@@ -835,12 +846,24 @@ fn length_s(written: &PlanFile, visit: &Visit) -> Option<f64> {
     Some((longest + TURN_S) * f64::from(visit.steps()))
 }
 
+/// The time that the mount may need to a visit's target, s: half a turn of an axis, as it is not known where it stands. None where it is on that target.
+fn way_s(written: &PlanFile, target: &Target, before: Option<&Slot>) -> f64 {
+    let Some(mount) = written.mount.as_ref().filter(|_| needs_mount(target.target_kind)) else {
+        return 0.0;
+    };
+    match before {
+        Some(before) if before.target == *target => 0.0,
+        _ => mount.farthest_s(),
+    }
+}
+
 /// The steps of a visit: each filter, so often as it is repeated, all of one length.
 fn steps(
     document: &Document,
     i: usize,
     visit: &Visit,
     first: u32,
+    way_s: f64,
     stay: Slot,
 ) -> Result<Vec<Slot>, ParseError> {
     let wrong =
@@ -858,19 +881,26 @@ fn steps(
     if visit.filter.is_some() && !visit.filters.is_empty() {
         return Err(wrong("filters", "either `filter` or `filters`, not both"));
     }
-    let length = stay.to.map(|to| (to - stay.from).to_seconds() / f64::from(steps));
+    let length = stay.to.map(|to| ((to - stay.from).to_seconds() - way_s) / f64::from(steps));
     if length.is_none() && steps > 1 {
         return Err(wrong("repeat", "`for_s`, `to` or `frames` beside it"));
     }
     let step = |number: u32| {
         let at = |part: u32| {
-            length.map(|s| stay.from + hifitime::Duration::from_seconds(s * f64::from(part)))
+            // The first step has the way to the target, too.
+            let way_s = if part > 0 { way_s } else { 0.0 };
+            let after_s = |s: f64| way_s + s * f64::from(part);
+            length.map(|s| stay.from + hifitime::Duration::from_seconds(after_s(s)))
         };
         let filter = visit.filters.get(number as usize % visit.filters.len().max(1));
         Slot {
             target: stay.target.clone(),
             from: at(number).unwrap_or(stay.from),
             to: if number + 1 == steps { stay.to } else { at(number + 1) },
+            keeps: {
+                let [begins, ends] = stay.keeps;
+                [number == 0 && (begins || visit.from.is_some()), ends || visit.to.is_some()]
+            },
             step: Some(Arc::new(Step {
                 number: first + number,
                 continues: number > 0,

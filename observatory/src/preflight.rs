@@ -166,6 +166,7 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
     check_channels(plan, &mut found);
     check_calibration(plan, &mut found);
     let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));
+    check_output(plan, options, &mut found);
     check_room(plan, &sensors, options, &mut found);
     found
 }
@@ -1120,6 +1121,44 @@ fn camera_bytes(
         }
     }
     Some(sum)
+}
+
+/// Where the session will be made, where that folder is not there yet; or why it cannot be.
+fn check_output(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
+    let folder = match &options.folder {
+        // The session's own folder, to be made.
+        Some(root) => root.parent().unwrap_or(root),
+        None => &plan.output,
+    };
+    let is_here = |path: &Path| path.as_os_str().is_empty();
+    if is_here(folder) || folder.is_dir() {
+        return;
+    }
+    let shown = folder.display();
+    let above = folder.ancestors().find(|path| !is_here(path) && path.exists());
+    let above = above.unwrap_or(Path::new("."));
+    if !above.is_dir() {
+        let text = format!("{shown} cannot be made: {} is a file", above.display());
+        found.error("output", text);
+    } else if !may_write(above) {
+        let text = format!("{shown} cannot be made: nothing may be written in {}", above.display());
+        found.error("output", text);
+    } else {
+        found.fine("output", format!("the folder {shown} is new: it will be made"));
+    }
+}
+
+/// Whether this user may make a folder there.
+#[cfg(unix)]
+fn may_write(folder: &Path) -> bool {
+    use nix::unistd::{AccessFlags, access};
+    access(folder, AccessFlags::W_OK | AccessFlags::X_OK).is_ok()
+}
+
+/// Whether this user may make a folder there.
+#[cfg(not(unix))]
+fn may_write(folder: &Path) -> bool {
+    folder.metadata().is_ok_and(|about| !about.permissions().readonly())
 }
 
 fn check_room(

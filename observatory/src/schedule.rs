@@ -22,12 +22,15 @@ pub struct Slot {
     pub to: Option<Epoch>,
     /// How the instruments are set; `None`: as the plan's devices say.
     pub step: Option<Arc<Step>>,
+    /// Whether its beginning, and its end, keep their time where what is before it ends early.
+    pub keeps: [bool; 2],
 }
 
 impl Slot {
-    /// A stay with the instruments as the plan's devices say.
+    /// A stay with the instruments as the plan's devices say. A pass keeps its time.
     pub fn new(target: Target, from: Epoch, to: Option<Epoch>) -> Self {
-        Self { target, from, to, step: None }
+        let keeps = [target.target_kind == TargetKind::Satellite; 2];
+        Self { target, from, to, step: None, keeps }
     }
 
     /// Whether the same visit had a step before this one.
@@ -134,6 +137,12 @@ impl Schedule {
         self.slots.iter().any(|slot| slot.step.as_deref().is_some_and(own))
     }
 
+    /// Whether the last visit has ended.
+    pub(crate) fn is_over(&self, utc: Epoch) -> bool {
+        let last = self.slots.last();
+        last.is_some_and(|slot| slot.target.target_kind == TargetKind::None && slot.from <= utc)
+    }
+
     /// The slots, in time.
     pub fn slots(&self) -> &[Slot] {
         &self.slots
@@ -178,10 +187,7 @@ impl Schedule {
             return self.clone();
         }
         let mut slots = self.until(begun);
-        slots.extend(self.slots[place..].iter().cloned());
-        if let Some(slot) = slots.iter_mut().find(|slot| is_it(slot)) {
-            slot.from = begun;
-        }
+        slots.extend(forward(self.slots[place..].to_vec(), begun));
         // What was skipped lies before.
         let of_it = slots.iter().position(is_it).unwrap_or(0);
         for before in &mut slots[..of_it] {
@@ -262,22 +268,37 @@ impl Schedule {
         if self.slots[at].target.target_kind == TargetKind::None {
             return None;
         }
-        let mut later = self.slots[at + 1 + more..].to_vec();
-        match later.first_mut() {
-            // A pass keeps its time; within one, a step follows another.
-            Some(next) if next.continues() || next.target.target_kind != TargetKind::Satellite => {
-                next.from = utc;
-            }
-            Some(next) => {
-                let gap = nothing(utc, Some(next.from));
-                later.insert(0, gap);
-            }
-            None => later.push(nothing(utc, None)),
-        }
         let mut slots = self.until(utc);
-        slots.extend(later);
+        slots.extend(forward(self.slots[at + 1 + more..].to_vec(), utc));
         Some(Self { slots })
     }
+}
+
+/// Slots that come forward to a time, one after the other, each with its own length, up to one that keeps its time.
+fn forward(mut later: Vec<Slot>, utc: Epoch) -> Vec<Slot> {
+    let mut now = utc;
+    for at in 0..later.len() {
+        let slot = &mut later[at];
+        let [begins, ends] = slot.keeps;
+        if begins {
+            // It is waited for.
+            let gap = nothing(now, Some(slot.from));
+            if gap.from < slot.from {
+                later.insert(at, gap);
+            }
+            return later;
+        }
+        let length = slot.to.map(|to| to - slot.from);
+        slot.from = now;
+        // Nothing lasts until what comes next.
+        match length.filter(|_| !ends && slot.target.target_kind != TargetKind::None) {
+            Some(length) => now += length,
+            None => return later,
+        }
+        slot.to = Some(now);
+    }
+    later.push(nothing(now, None));
+    later
 }
 
 fn nothing(from: Epoch, to: Option<Epoch>) -> Slot {
@@ -398,6 +419,52 @@ mod tests {
         schedule.slots().iter().map(one).collect()
     }
 
+    /// Truth: by hand: what follows comes forward with its own length, 5 s, until a visit that the plan gives a time (300 s); those after it stay, too. A visit whose end has a time begins early and ends then. Steps of a
+    /// pass follow each other, and its end stays. A resumed night stands as the one before it.
+    #[test]
+    fn visits_come_forward_with_their_own_length() {
+        let keeps = |keeps: [bool; 2], slot: Slot| Slot { keeps, ..slot };
+        let star = |name: &str, from: f64, to: f64| visit(name, TargetKind::Star, from, to);
+        let numbered = |number: u32, continues: bool, slot: Slot| {
+            let step = Some(Arc::new(Step { number, continues, ..Step::default() }));
+            Slot { step, ..slot }
+        };
+        let times = |schedule: &Schedule| {
+            let s = |epoch: Epoch| (epoch - at(0.0)).to_seconds();
+            let one = |slot: &Slot| (s(slot.from), slot.to.map(s));
+            schedule.slots().iter().map(one).collect::<Vec<_>>()
+        };
+        let plan = Schedule::new(vec![
+            numbered(1, false, star("Vega", 0.0, 100.0)),
+            numbered(2, false, star("Deneb", 100.0, 105.0)),
+            numbered(3, false, star("Altair", 105.0, 110.0)),
+            keeps([true, false], star("Mizar", 300.0, 350.0)),
+            star("Alcor", 350.0, 400.0),
+        ]);
+        let after = [(25.0, Some(30.0)), (30.0, Some(300.0)), (300.0, Some(350.0))];
+        let tail = [(350.0, Some(400.0)), (400.0, None)];
+        let begin = [(0.0, Some(20.0)), (20.0, Some(25.0))];
+        let early = plan.stepped(at(20.0)).unwrap();
+        assert_eq!(times(&early), [&begin[..], &after, &tail].concat());
+        assert_eq!(times(&plan.gone_on(at(20.0), 2)), [&begin[..], &after, &tail].concat());
+        let until = Schedule::new(vec![
+            star("Vega", 0.0, 100.0),
+            keeps([false, true], star("Deneb", 100.0, 150.0)),
+            star("Altair", 150.0, 160.0),
+        ]);
+        let early = times(&until.stepped(at(20.0)).unwrap());
+        let expected =
+            [(0.0, Some(20.0)), (20.0, Some(150.0)), (150.0, Some(160.0)), (160.0, None)];
+        assert_eq!(early, expected);
+        let step = |from: f64, to: f64| visit("ISS", TargetKind::Satellite, from, to);
+        let pass = Schedule::new(vec![
+            numbered(1, false, step(0.0, 50.0)),
+            keeps([false, true], numbered(2, true, step(50.0, 100.0))),
+        ]);
+        let early = times(&pass.stepped(at(20.0)).unwrap());
+        assert_eq!(early, [(0.0, Some(20.0)), (20.0, Some(100.0)), (100.0, None)]);
+    }
+
     /// Truth: by hand: the times of each target after a pause, its end, and skips before a star and before a satellite.
     #[test]
     fn a_night_is_steered() {
@@ -416,8 +483,9 @@ mod tests {
         let went_on = paused.resumed(&plan, at(130.0));
         let after = [("Deneb", 130.0), ("none", 200.0), ("ISS", 250.0), ("none", 300.0)];
         expect(&went_on, &[&[("Vega", 0.0), ("none", 50.0)][..], &after].concat());
+        // Deneb is as long as it was.
         let skipped = plan.skipped(at(40.0)).unwrap();
-        let after = [("Deneb", 40.0), ("none", 200.0), ("ISS", 250.0), ("none", 300.0)];
+        let after = [("Deneb", 40.0), ("none", 140.0), ("ISS", 250.0), ("none", 300.0)];
         expect(&skipped, &[&[("Vega", 0.0)][..], &after].concat());
         let skipped = skipped.skipped(at(60.0)).unwrap();
         expect(

@@ -17,8 +17,10 @@ use sunglint_observatory::telescope::watchdog::{Beat, watch};
 use sunglint_observatory::telescope::{
     Guard, SunCone, TargetPath, TrackError, TrackOptions, Tracker,
 };
-use sunglint_observatory::{CameraPlan, CounterPlan, MountPlan, Night, Opener, Plan};
-use sunglint_radiometry::sky::{EarthOrientation, Observer, Site};
+use sunglint_observatory::{
+    CameraPlan, CounterPlan, Level, MountPlan, Night, Opener, Plan, PreflightOptions, preflight,
+};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer, Site};
 use sunglint_radiometry::station::Station;
 use sunglint_virtual::telescope::{Telescope, TelescopeOptions, VirtualMount};
 
@@ -633,6 +635,44 @@ fn a_tracker_hears_that_its_watchdog_has_gone() {
     }
 }
 
+/// Truth: the rule in words, and the exit status of stand-ins for the watchdog's process: a mount that stands after the watchdog heard nothing was stopped by it; after any other end, or while it watches still, somebody else
+/// stopped it, and who parked it was never the watchdog. That status is the one of a watchdog that heard nothing.
+#[cfg(unix)]
+#[test]
+fn a_watchdogs_own_stop_is_nobody_elses() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use sunglint_observatory::telescope::watchdog::{Process, Watched};
+    let folder = tempfile::tempdir().unwrap();
+    let dog = |name: &str, end: &str, ends: bool| {
+        let program = folder.path().join(name);
+        std::fs::write(&program, format!("#!/bin/sh\necho ready\n{end}\n")).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let mut process = Process::start(&program, "mount").unwrap();
+        while ends && process.watches() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        process
+    };
+    let by_hand = |what| TrackError::ByHand { what };
+    let stopped = || by_hand("the mount was stopped by somebody else");
+    let silent = format!("exit {}", Watched::Silent.status());
+    assert_eq!((Watched::Done.status(), Watched::Stopped.status()), (0, 0));
+    let mut own = dog("silent", &silent, true);
+    assert!(matches!(own.explain(stopped()), TrackError::Silent));
+    assert!(own.was_silent());
+    assert!(matches!(own.explain(TrackError::MeridianLimit { past_deg: 1.0 }), TrackError::Silent));
+    let parked = own.explain(by_hand("the mount was parked by somebody else"));
+    assert!(matches!(parked, TrackError::ByHand { .. }), "{parked}");
+    for (name, end) in [("killed", "kill -9 $$"), ("failed", "exit 1"), ("done", "exit 0")] {
+        let mut gone = dog(name, end, true);
+        assert!(matches!(gone.explain(stopped()), TrackError::ByHand { .. }), "{name}");
+        assert!(!gone.was_silent(), "{name}");
+    }
+    let mut watching = dog("watching", "cat > /dev/null", false);
+    assert!(matches!(watching.explain(stopped()), TrackError::ByHand { .. }));
+    watching.done();
+}
+
 /// Truth: the rule in words: a watchdog whose own connection is lost ends, though the tracker lives: the tracker then sees that nobody watches.
 #[test]
 fn a_watchdog_whose_line_breaks_ends() {
@@ -675,4 +715,97 @@ fn a_watchdog_that_is_dropped_is_not_disarmed() {
     };
     assert_eq!(told("after a stop", true), ["d", "end"]);
     assert_eq!(told("after an error", false), ["end"]);
+}
+
+/// A plan with a real mount, at the stage's time.
+fn plan_of(stage: &Stage, mount: &str, visits: &str) -> Plan {
+    let from = sunglint_formats::time::format_utc(stage.start, 0);
+    let text = format!(
+        "station = \"ufo\"\nfrom = \"{from}\"\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\n\
+         exposure_s = 0.5\n[mount]\ndevice = \"indi-telescope:localhost:1/T\"\ntrust_clock = true\n{mount}\n{visits}"
+    );
+    Plan::of_text(std::path::Path::new("night.toml"), &text, &[]).unwrap()
+}
+
+/// Truth: by hand. Three frames of 0.5 s with 2 s of readout, and 10 s for a wheel, are 17.5 s; half a turn at 1 °/s, and 10 s, are 190 s: they come before the first step of a visit to a target where
+/// the mount is not yet, and before none that needs no mount.
+#[test]
+fn a_plan_counts_the_way_to_its_targets() {
+    let stage = Stage::new(EVENING, vec![], [0.0; 2]);
+    let visits = "[[visit]]\nstar = \"Vega\"\nframes = 3\nrepeat = 2\n[[visit]]\nstar = \"Vega\"\nframes = 3\n\
+                  [[visit]]\noff = \"dark\"\nframes = 3\n[[visit]]\nstar = \"Deneb\"\nframes = 3\n\
+                  [[visit]]\nstar = \"Vega\"\nfor_s = 60\n";
+    let plan = plan_of(&stage, "slew_deg_s = 1.0", visits);
+    let slots = plan.schedule.slots().iter().filter_map(|slot| Some((slot.from, slot.to?)));
+    let lengths: Vec<f64> =
+        slots.map(|(from, to)| ((to - from).to_seconds() * 10.0).round() / 10.0).collect();
+    assert_eq!(lengths, [207.5, 17.5, 17.5, 17.5, 207.5, 60.0]);
+}
+
+/// Truth: the star's place by the sky's formulas, against the place where the virtual telescope stands at first (north, 45° high): the longer of the two ways at 0.5 °/s, and 10 s, of which none are free. A mount that does not answer may
+/// have to go half a turn. A site that it is told is not the station's already.
+#[test]
+fn the_check_counts_the_first_way() {
+    let visits = "[[visit]]\nstar = \"Vega\"\nfor_s = 900\n";
+    let found = |cut_s: [f64; 2], mount: &str| {
+        let stage = Stage::new(EVENING, vec![], cut_s);
+        let plan = plan_of(&stage, &format!("slew_deg_s = 0.5\n{mount}"), visits);
+        if mount.contains("set_site") {
+            let far = MountSite { latitude_deg: 10.0, longitude_deg: 20.0, height_m: 0.0 };
+            stage.telescope.mount().set_site(far, stage.start, &soon()).unwrap();
+        }
+        let mut options = PreflightOptions::default();
+        (options.now, options.open_within) = (stage.start, Duration::from_secs(20));
+        let opener: Arc<dyn Opener> = Arc::new(Backstage(stage));
+        let found = preflight(&plan, &opener, &options);
+        let text = |about: &str, level: Level| {
+            let own = found.findings.iter().filter(|f| f.about == about && f.level == level);
+            own.map(|finding| finding.text.clone()).collect::<Vec<_>>().join("; ")
+        };
+        (text("visit 1 (Vega)", Level::Warning), text("mount", Level::Fine))
+    };
+    let observer =
+        Observer::at(parse_utc(EVENING).unwrap(), &site(), EarthOrientation::embedded()).unwrap();
+    let place = observer.star(Catalogue::embedded().find("Vega").unwrap()).horizontal;
+    let enu = place.east_north_up();
+    let azimuth = enu.x.atan2(enu.y).to_degrees();
+    let altitude = enu.z.asin().to_degrees();
+    let way_s = azimuth.abs().max((altitude - 45.0).abs()) / 0.5 + 10.0;
+    let (way, site) = found([0.0; 2], "");
+    let expected = format!("the way there takes about {way_s:.0} s, and there are 0 s");
+    assert!(way.contains(&expected), "{expected}: {way}");
+    assert!(site.contains("its site is the station's"), "{site}");
+    let (_, site) = found([0.0; 2], "set_site = true");
+    assert!(site.contains("it is told the station's site"), "{site}");
+    assert!(!site.contains("its site is the station's"), "{site}");
+    let (way, _) = found([0.0, 1e9], "");
+    assert!(way.contains("the way there may take 370 s"), "{way}");
+}
+
+/// Truth: the rule in words: folders above the session's are made with the night; the check says so, and why it cannot be where a file is in the way.
+#[test]
+fn the_folder_of_the_nights_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("new/deep/session");
+    let stage = Stage::new(EVENING, vec![], [0.0; 2]);
+    let plan = plan_of(&stage, "", "[[visit]]\noff = \"dark\"\nfor_s = 60\n");
+    let opener: Arc<dyn Opener> = Arc::new(Backstage(stage));
+    let check = |root: &std::path::Path| {
+        let mut options = PreflightOptions::default();
+        (options.folder, options.open_devices) = (Some(root.to_owned()), false);
+        let found = preflight(&plan, &opener, &options).findings;
+        let own = found.into_iter().find(|finding| finding.about == "output");
+        own.map(|finding| (finding.level, finding.text))
+    };
+    let (level, text) = check(&root).unwrap();
+    assert!(level == Level::Fine && text.contains("it will be made"), "{text}");
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    let (level, text) = check(&folder.path().join("file/session")).unwrap();
+    assert!(level == Level::Error && text.contains("is a file"), "{text}");
+    assert_eq!(check(&folder.path().join("session")), None);
+    let stopped = Cancel::new();
+    stopped.cancel();
+    let night = Night::planned(plan.clone(), opener.clone(), Some(&root), "test");
+    night.run(&stopped, &mut |_| {}).unwrap();
+    assert!(root.join("session.toml").is_file());
 }

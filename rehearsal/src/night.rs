@@ -56,7 +56,7 @@ impl VirtualNight {
         let Scheduled { observatory, stays, files: own } = made;
         // The plan's own visits come back in their order, with the settings of their steps.
         let steps = planned.into_iter().map(|slot| slot.step).chain(std::iter::repeat(None));
-        let slot = |(Stay { target, from, to }, step)| Slot { target, from, to, step };
+        let slot = |(Stay { target, from, to }, step)| Slot { step, ..Slot::new(target, from, to) };
         slots.extend(stays.into_iter().zip(steps).map(slot));
         files.extend(own);
         let together = mounted.then(|| (Together::new(), Arc::default()));

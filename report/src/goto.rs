@@ -4,7 +4,7 @@ use crate::Product;
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
-use sunglint_observatory::telescope::Gone;
+use sunglint_observatory::telescope::{Gone, OWN_ARCSEC};
 
 /// Result of a goto.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -38,11 +38,25 @@ impl GotoReport {
         Ok(Product { name: "goto".into(), table, json, ..Product::default() })
     }
 
+    /// Warning of a mount that says itself that it is not there, where no frame says better.
+    pub fn warning(&self) -> Option<String> {
+        let own = self.gone.own_arcsec;
+        (self.gone.off_arcsec.is_empty() && own > OWN_ARCSEC).then(|| {
+            format!(
+                "the mount is not there: it says itself that it is {own:.0}″ beside {}, though it was sent again; `--solve` corrects it by frames",
+                self.target
+            )
+        })
+    }
+
     /// Text for a person.
     pub fn text(&self) -> String {
         let mut text = format!("{} at {}", self.mount, self.target);
         match self.gone.off_arcsec.as_slice() {
-            [] => text.push_str(", by its own reckoning\n"),
+            [] => {
+                let own = self.gone.own_arcsec;
+                let _ = writeln!(text, ": by its own reading it is {own:.0}″ beside");
+            }
             [one] => {
                 let _ = writeln!(text, ": its frame looks {one:.0}″ beside");
             }

@@ -14,6 +14,7 @@ use crate::simulated::indi::{
 };
 use crate::transport::TransportError;
 use crate::transport::tcp::Tcp;
+use sunglint_formats::nearest_names;
 
 const SERVER: &str = "INDI server";
 
@@ -223,15 +224,25 @@ fn with_known(error: DeviceError, address: &Address, deadline: &Deadline) -> Dev
     let Ok(line) = Tcp::connect(&server, deadline) else { return error };
     let settings = SessionSettings::default();
     let Ok(devices) = crate::indi::devices(line, settings, deadline) else { return error };
-    let mut names: Vec<String> = devices.into_iter().map(|device| device.name).collect();
+    let names: Vec<String> = devices.into_iter().map(|device| device.name).collect();
     if names.is_empty() {
         return error;
     }
+    let mut names = nearest_first(asked, names);
     let more = names.len().saturating_sub(MOST_NAMED);
     names.truncate(MOST_NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     let known = format!("a device that {server} has: {}{more}", names.join(", "));
     DeviceError::Unknown { name: DeviceError::INDI_DEVICE, asked: asked.clone(), known }
+}
+
+/// The names in their order, but for those that are like one that was asked for: they come first.
+fn nearest_first(asked: &str, mut names: Vec<String>) -> Vec<String> {
+    let all = names.clone();
+    let nearest = nearest_names(asked, all.iter().map(String::as_str), all.len());
+    let place = |name: &String| nearest.iter().position(|near| near == name);
+    names.sort_by_key(|name| place(name).unwrap_or(usize::MAX));
+    names
 }
 
 /// The device's name: as the address says, or that of the simulated one.
@@ -289,6 +300,16 @@ fn mount(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: by eye.
+    #[test]
+    fn the_nearest_name_comes_first() {
+        let names = ["CCD Simulator", "Focuser Simulator", "Rotator Simulator", "Mount"];
+        let names = || names.map(str::to_owned).to_vec();
+        assert_eq!(nearest_first("rotatr simulator", names())[0], "Rotator Simulator");
+        assert_eq!(nearest_first("CCD Simulater", names())[0], "CCD Simulator");
+        assert_eq!(nearest_first("QHY", names()), names());
+    }
 
     /// Truth: INDI's port is 7624 (its protocol document).
     #[test]

@@ -42,6 +42,18 @@ pub enum DeviceError {
         /// Description of what came, and of what should have come.
         reason: String,
     },
+    /// A device of another kind: no other try makes it one of this kind.
+    #[error("{device}: `{name}` is no {what} (DRIVER_INTERFACE {bits})")]
+    WrongKind {
+        /// The device.
+        device: &'static str,
+        /// Name of the device on its server.
+        name: String,
+        /// Kind that was asked for.
+        what: &'static str,
+        /// Kinds that it says it is of.
+        bits: u32,
+    },
     /// The device understood and said no.
     #[error("{device} refused {request}: {reason} (code {code})")]
     Refused {
@@ -252,7 +264,8 @@ impl DeviceError {
 
     /// Whether the same setting will fail for ever: [`is_permanent`](Self::is_permanent), a name that the device does not have, something that it cannot do.
     pub fn is_permanent_setting(&self) -> bool {
-        self.is_permanent() || matches!(self, Self::Unknown { .. } | Self::NotReady { .. })
+        self.is_permanent()
+            || matches!(self, Self::Unknown { .. } | Self::NotReady { .. } | Self::WrongKind { .. })
     }
 
     /// A transport's error while `device` was spoken to; a cancelled wait is told as such.

@@ -95,7 +95,7 @@ impl<T: Bytes> Session<T> {
 
     /// A server says nothing about a device that it has not, and, once asked for one, nothing about the others.
     fn no_such_device(&self) -> DeviceError {
-        let known = "the server's devices (it does not know this one, or its driver has not started): list them with indi::devices";
+        let known = "the server's devices (it does not know this one, or its driver has not started): list them with `sunglint devices list --indi HOST`";
         let (name, asked) = (DeviceError::INDI_DEVICE, self.device.clone());
         DeviceError::Unknown { name, asked, known: known.to_owned() }
     }
@@ -105,9 +105,8 @@ impl<T: Bytes> Session<T> {
         let text = info.and_then(|info| info.text("DRIVER_INTERFACE"));
         match text.and_then(|text| text.parse::<u32>().ok()) {
             Some(bits) if bits & self.kind.interface == 0 => {
-                let reason =
-                    format!("`{}` is no {} (DRIVER_INTERFACE {bits})", self.device, self.kind.what);
-                Err(DeviceError::Protocol { device: self.kind.label, reason })
+                let (name, what) = (self.device.clone(), self.kind.what);
+                Err(DeviceError::WrongKind { device: self.kind.label, name, what, bits })
             }
             _ => Ok(()),
         }
@@ -225,7 +224,9 @@ pub fn devices<T: Bytes>(
 ) -> Result<Vec<Listed>, DeviceError> {
     let mut client = Client::new(line, "INDI server", settings.limits);
     client.get_properties(None, deadline)?;
-    client.settle(settings.quiet.max(Duration::from_secs(1)), deadline)?;
+    // A call that has little time ends with what came in half of it.
+    let half = deadline.remaining().map_or(Duration::ZERO, |left| left / 2);
+    client.settle(settings.quiet.max(Duration::from_secs(1)).min(half), deadline)?;
     let mut names: Vec<String> =
         client.properties().places().map(|place| place.device.clone()).collect();
     names.dedup();

@@ -65,7 +65,7 @@ pub struct CameraReport {
     pub frames: u64,
     /// Frames that were promised.
     pub marked_frames: u64,
-    /// Numbers between the first and the last that no frame has.
+    /// Numbers up to the last frame that was taken that no frame has.
     pub missing_frames: u64,
     /// Frames that were being written at the end.
     pub unfinished: u64,
@@ -118,13 +118,13 @@ impl Session {
     pub fn check(&self) -> Result<Report, FileError> {
         let mut report = Report::default();
         self.check_configuration(&mut report);
-        let marks = self.check_events(&mut report)?;
+        let (marks, taken) = self.check_events(&mut report)?;
         self.check_end(&mut report)?;
         for name in self.counters() {
             self.check_counter(name, &marks, &mut report)?;
         }
         for name in self.cameras() {
-            self.check_camera(name, &marks, &mut report)?;
+            self.check_camera(name, &marks, taken.get(name).copied(), &mut report)?;
         }
         for (file, marks) in &marks {
             let known =
@@ -148,8 +148,13 @@ impl Session {
         }
     }
 
-    fn check_events(&self, report: &mut Report) -> Result<Marks, FileError> {
-        let (mut marks, mut begun) = (Marks::new(), None);
+    /// The marks, and the number of the last frame that each camera took.
+    fn check_events(
+        &self,
+        report: &mut Report,
+    ) -> Result<(Marks, BTreeMap<String, u64>), FileError> {
+        let (mut marks, mut taken, mut begun) = (Marks::new(), BTreeMap::new(), None);
+        let mut said = BTreeMap::<(String, String), (String, u64)>::new();
         let mut events: Events = self.events()?;
         for event in events.by_ref() {
             let Event { utc, what } = match event {
@@ -181,14 +186,21 @@ impl Session {
                         marks.entry(mark.file.clone()).or_default().push((utc, mark));
                     }
                 }
-                What::End { lost, .. } => {
+                What::End { lost, frames, .. } => {
                     report.ended = true;
+                    taken.extend(frames);
                     if lost > 0 {
                         let text = format!("{lost} rows, tags or frames could not be written");
                         report.missing(EVENTS, text);
                     }
                 }
-                What::Error { about, error } => report.note(&about, format!("said: {error}")),
+                What::Error { about, error } => {
+                    // The same again and again, with other numbers in it, is told once, and how often.
+                    let words: String =
+                        error.chars().filter(|c| !c.is_ascii_digit() && *c != '.').collect();
+                    let (_, times) = said.entry((about, words)).or_insert((error, 0_u64));
+                    *times += 1;
+                }
                 What::ClockStep { step_s, computer_utc } => {
                     let at = format_utc(utc, 3);
                     let then = computer_utc.map_or(String::new(), |then| {
@@ -217,6 +229,12 @@ impl Session {
                 _ => {}
             }
         }
+        for ((about, _), (first, times)) in said {
+            match times {
+                1 => report.note(&about, format!("said: {first}")),
+                times => report.note(&about, format!("said {times} times, at first: {first}")),
+            }
+        }
         self.check_manifest(begun.flatten(), report)?;
         if events.torn_bytes() > 0 {
             let text = format!("its last line was cut off: {} bytes", events.torn_bytes());
@@ -230,7 +248,7 @@ impl Session {
         if let Some(own) = marks.get(EVENTS) {
             self.check_marks(EVENTS, own, report)?;
         }
-        Ok(marks)
+        Ok((marks, taken))
     }
 
     /// Holds the manifest against its sum in the log.
@@ -378,6 +396,7 @@ impl Session {
         &self,
         name: &str,
         marks: &Marks,
+        taken: Option<u64>,
         report: &mut Report,
     ) -> Result<(), FileError> {
         let folder = format!("{FRAMES}/{name}");
@@ -406,6 +425,16 @@ impl Session {
                 report.missing(&folder, text);
             }
             before = frame.sequence.max(before);
+        }
+        // Those after the last that was written.
+        if let Some(missing) = taken.and_then(|last| last.checked_sub(before)).filter(|n| *n > 0) {
+            camera.missing_frames += missing;
+            let last = before + missing;
+            let text = match missing {
+                1 => format!("frame {last}, the last that was taken, is missing"),
+                n => format!("the last {n} frames are missing: {} to {last}", before + 1),
+            };
+            report.missing(&folder, text);
         }
         if files.is_empty() && report.ended {
             report.missing(&folder, "the camera was planned and recorded no frame");

@@ -5,6 +5,7 @@ use crate::time::{format_utc_shortest, parse_utc};
 use hifitime::Epoch;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Something that happened.
@@ -182,6 +183,9 @@ pub enum What {
         reason: String,
         /// Rows or frames that could not be written.
         lost: u64,
+        /// Number of the last frame that each camera took, written or not.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        frames: BTreeMap<String, u64>,
     },
     /// Event of a kind that only a later version of the program knows.
     #[serde(skip)]

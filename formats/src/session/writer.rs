@@ -106,6 +106,8 @@ impl Counter {
 #[derive(Debug, Default)]
 struct Camera {
     hours: BTreeSet<String>,
+    /// Number of the last frame that was taken.
+    taken: u64,
 }
 
 /// A frame that is whole but not synced, and has not got its name.
@@ -434,9 +436,17 @@ impl SessionWriter {
         Ok(())
     }
 
-    /// Counts a frame that is left out, without a word in the log.
-    pub fn lose_frame(&mut self) {
+    /// Counts a frame of a camera that is left out, without a word in the log.
+    pub fn lose_frame(&mut self, camera: &str, sequence: u64) {
         self.lost_frames += 1;
+        self.took(camera, sequence);
+    }
+
+    /// A camera took the frame of this number.
+    fn took(&mut self, camera: &str, sequence: u64) {
+        if let Some(camera) = self.cameras.get_mut(camera) {
+            camera.taken = camera.taken.max(sequence);
+        }
     }
 
     fn tags_of(&mut self, counter: &str) -> Result<&mut Appender, EncodeError> {
@@ -458,6 +468,7 @@ impl SessionWriter {
         if !self.cameras.contains_key(camera) {
             return Err(EncodeError::new("camera", camera, "a camera of the manifest"));
         }
+        self.took(camera, sequence);
         let mut image = frame.to_image()?;
         let number = i64::try_from(sequence).unwrap_or(i64::MAX);
         image.header.set(FRAME_NUMBER, number, "counts this camera's frames");
@@ -612,7 +623,9 @@ impl SessionWriter {
         let mut troubles = std::mem::take(&mut self.early);
         troubles.extend(self.sync(utc));
         let lost = self.missing();
-        self.event(utc, What::End { reason: reason.into(), lost });
+        let taken = self.cameras.iter().filter(|(_, camera)| camera.taken > 0);
+        let frames = taken.map(|(name, camera)| (name.clone(), camera.taken)).collect();
+        self.event(utc, What::End { reason: reason.into(), lost, frames });
         troubles.extend(self.sync(utc));
         // The last mark does not cover its own line.
         let sealed =

@@ -1,6 +1,6 @@
 //! Pre-flight of the mount: is it there, does it agree about the site, can each visit be pointed at, and is there time to get there.
 
-use super::job::next_job;
+use super::job::{EARLY_S, next_job};
 use super::plan::MountPlan;
 use crate::clock;
 use crate::opener::Opener;
@@ -21,8 +21,6 @@ use sunglint_drivers::device::{
 /// A mount that lifts places by itself.
 pub(super) const REFRACTS: &str =
     "its own software lifts places by refraction (DoesRefraction): the night leaves that to it";
-/// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
-const SETTLE_S: f64 = 10.0;
 
 /// Answers of a mount that was asked.
 struct Said {
@@ -72,6 +70,10 @@ pub(crate) fn check_mount(
                 found.warning(about, text);
                 None
             }
+            Some(Err(error @ DeviceError::WrongKind { .. })) => {
+                found.error(about, format!("{}: {error}", mount.device));
+                None
+            }
             Some(Err(error)) => {
                 let text = format!("{}: {error}; the night tries it again", mount.device);
                 found.warning(about, text);
@@ -88,14 +90,19 @@ pub(crate) fn check_mount(
     let guard = Guard::of(&plan.station.site, abilities, cone)
         .with_horizon(plan.station.horizon.clone(), mount.min_elevation_deg());
     if let Some(said) = &said {
-        match guard.check_site(said.site).err().filter(|_| !mount.set_site) {
-            Some(danger) => {
+        match guard.check_site(said.site) {
+            // Where it is told the station's site, the night holds what it says then against that.
+            Err(danger) if mount.set_site => found.fine(
+                about,
+                format!("it is there; it is told the station's site (`set_site`), as it has another: {danger}"),
+            ),
+            Err(danger) => {
                 found.error(about, format!("{danger} (`set_site = true` in the plan)"));
             }
-            None if said.site.is_none() => {
+            Ok(()) if said.site.is_none() => {
                 found.warning(about, "it does not say at which site it believes to stand");
             }
-            None => found.fine(about, "it is there, and its site is the station's"),
+            Ok(()) => found.fine(about, "it is there, and its site is the station's"),
         }
         if let Err(danger) = guard.check_time(said.time, said.site)
             && !mount.set_site
@@ -182,8 +189,15 @@ fn check_visits(
     let mount = &MountPlan { refraction, ..mount.clone() };
     let axes = abilities.axes;
     // Where the telescope stands when the visit before ends.
-    let mut stands: Option<([f64; 2], Epoch)> = None;
+    let mut stands: Option<[f64; 2]> = None;
+    // From when on it may set out for a visit: not before the night, nor while another visit is on.
+    let mut may_go = match plan.clock {
+        NightClock::Computer => plan.from.max(options.now),
+        _ => plan.from,
+    };
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
+        let free = may_go.max(visit.from - EARLY_S * Unit::Second);
+        may_go = visit.to.map_or(may_go, |to| may_go.max(to));
         let about = format!("visit {} ({})", number + 1, visit.target.name);
         let now = match plan.clock {
             NightClock::Computer => visit.from.max(options.now),
@@ -198,9 +212,8 @@ fn check_visits(
                 continue;
             }
         };
-        let from = stands
-            .map(|(angle, _)| angle)
-            .or_else(|| said.map(|said| path.angles_of(&said.reading)).filter(|_| number == 0));
+        // Before the first visit that it follows it stands where it says.
+        let from = stands.or_else(|| said.map(|said| path.angles_of(&said.reading)));
         let pass = PassPlan::new(
             &visit.target.name,
             &path,
@@ -215,29 +228,14 @@ fn check_visits(
         }
         tell_cut(&about, &path, now, job.to, guard, found);
         tell_dawn(&about, mount, (visit.from, job.to), guard, found);
-        if let (Some([a, b]), Some((_, ended))) = (pass.slew_deg, stands) {
-            let slew_s = a.abs().max(b.abs()) / mount.slew_deg_s() + SETTLE_S;
-            let left_s = (visit.from - ended).to_seconds();
-            let lost_s = slew_s - left_s;
-            let length_s = (job.to - visit.from).to_seconds();
-            if lost_s >= length_s {
-                found.error(&about, format!(
-                    "the way there takes about {slew_s:.0} s ({:.0}° and {:.0}° at {} °/s): nothing is left of its {length_s:.0} s",
-                    a.abs(), b.abs(), mount.slew_deg_s()
-                ));
-            } else if lost_s > 1.0 {
-                found.warning(&about, format!(
-                    "the way there takes about {slew_s:.0} s, and there are {left_s:.0} s: {lost_s:.0} s of it are lost"
-                ));
-            }
-        }
+        tell_way(&about, mount, pass.slew_deg, [free, visit.from, job.to], found);
         if !pass.turns_s.is_empty() {
             let at = pass.turns_s.iter().map(|s| format!("{s:.0} s")).collect::<Vec<_>>();
             found.warning(&about, format!(
                 "the mount turns over {} after it begins, {:.0}° past the meridian (`past_meridian_deg`), and loses about {:.0} s",
                 at.join(" and "),
                 mount.past_meridian_deg(),
-                180.0 / mount.slew_deg_s() + SETTLE_S
+                mount.farthest_s()
             ));
         }
         if let Some(keyhole) = &pass.keyhole {
@@ -253,7 +251,37 @@ fn check_visits(
             String::new()
         };
         found.fine(&about, format!("the mount can follow it: up to {:.2} °/s{sun}", a.max(b)));
-        stands = Some((angles(path.at(path.seconds()).direction), job.to));
+        stands = Some(angles(path.at(path.seconds()).direction));
+    }
+}
+
+/// Tells what a visit loses by the way to its target. Where it is not known from where the mount comes, the longest way counts. The times: from when on it may set out, the visit's beginning, and its end.
+fn tell_way(
+    about: &str,
+    mount: &MountPlan,
+    slew_deg: Option<[f64; 2]>,
+    [free, from, to]: [Epoch; 3],
+    found: &mut Preflight,
+) {
+    let way_s = slew_deg.map_or(mount.farthest_s(), |way| mount.way_s(way));
+    let (left_s, length_s) = ((from - free).to_seconds(), (to - from).to_seconds());
+    let lost_s = way_s - left_s;
+    if lost_s <= 1.0 {
+        return;
+    }
+    match slew_deg {
+        Some([a, b]) if lost_s >= length_s => found.error(about, format!(
+            "the way there takes about {way_s:.0} s ({:.0}° and {:.0}° at {} °/s): nothing is left of its {length_s:.0} s",
+            a.abs(), b.abs(), mount.slew_deg_s()
+        )),
+        Some(_) => found.warning(about, format!(
+            "the way there takes about {way_s:.0} s, and there are {:.0} s: {lost_s:.0} s of it are lost",
+            left_s.max(0.0)
+        )),
+        None => found.warning(about, format!(
+            "where the mount stands is not known: the way there may take {way_s:.0} s, and there are {:.0} s before its {length_s:.0} s",
+            left_s.max(0.0)
+        )),
     }
 }
 

@@ -14,7 +14,7 @@ use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
 
 /// How long before its visit the mount goes to a target, s.
-const EARLY_S: f64 = 300.0;
+pub(super) const EARLY_S: f64 = 300.0;
 /// How long before its visit a satellite is followed already, s: so that it is found when the visit begins.
 const LEAD_S: f64 = 20.0;
 /// Longest path at once, s.
@@ -97,9 +97,9 @@ impl Job {
     /// Whether the schedule, which was exchanged, still wants it.
     pub fn is_still(&self, worker: &Worker) -> bool {
         let next = next_job(&worker.schedule.get(), worker.clock.utc(), worker.end, &|_, _| false);
+        // One that ends earlier now is it until then.
         next.is_some_and(|next| {
-            let same = next.visit.target == self.visit.target && next.visit.from == self.visit.from;
-            same && next.to >= self.to
+            next.visit.target == self.visit.target && next.visit.from == self.visit.from
         })
     }
 

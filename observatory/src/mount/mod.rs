@@ -7,6 +7,7 @@ mod plan;
 mod sights;
 mod steer;
 
+pub(crate) use aim::needs_mount;
 pub use aim::{Aim, AimState, Ready, Waiting};
 pub(crate) use check::check_mount;
 pub use job::{Job, JobError, allowed};
@@ -56,6 +57,8 @@ const PARKS_MIN: f64 = 3.25;
 const UNTOLD: &str = "`camera_angle_pier` says on which side of the pier `camera_angle_deg` holds, and this mount does not say on which side it hangs: its frames correct nothing (of a fork: `german = false`)";
 /// A plan for a German mount lacks this.
 const NO_SIDE: &str = "this mount turns over at the meridian, and its camera is upside down after it: on which side of the pier `camera_angle_deg` holds is not said (`camera_angle_pier`, east or west; `pier` in the events of a session): its frames correct nothing";
+/// The program's own watchdog stopped the mount.
+const TAKEN_UP: &str = "the program stood still for more than 0.5 s, and its own watchdog stopped the mount: it is taken up again with a new watchdog";
 /// How far ahead of the Sun a telescope that stands is moved away, min.
 const AHEAD_MIN: f64 = 10.0;
 
@@ -297,8 +300,13 @@ impl MountWork {
     ) -> Result<(), DeviceError> {
         let mut placed = false;
         while !worker.is_over() {
-            if dog.as_mut().is_some_and(|dog| dog.beat().is_break()) {
-                let reason = "its watchdog has gone";
+            if let Some(dog) = dog.as_mut()
+                && dog.beat().is_break()
+            {
+                let reason = match dog.was_silent() {
+                    true => TAKEN_UP,
+                    false => "its watchdog has gone",
+                };
                 return Err(DeviceError::NotReady { device: DEVICE, reason });
             }
             self.look_up(guard, worker);
@@ -459,8 +467,13 @@ impl MountWork {
         drop(tracker);
         self.hand.set_following(false);
         self.aim.set(AimState::Away);
+        let ended = ended.map_err(|error| match dog.as_mut() {
+            Some(dog) => dog.explain(error),
+            None => error,
+        });
         match ended {
-            Ok(_) => Ok(()),
+            // The mount is opened again, with a watchdog of its own, and the visit goes on.
+            Ok(_) | Err(TrackError::Silent) => Ok(()),
             // The prediction is not where it was: it is acquired again, from the beginning.
             Err(TrackError::Danger(danger @ Danger::ClockStep { .. })) => {
                 self.tell(&danger.to_string(), worker);
@@ -667,8 +680,12 @@ impl MountWork {
                 false => ControlFlow::Break(()),
             }
         });
+        let ended = ended.map_err(|error| match dog.as_mut() {
+            Some(dog) => dog.explain(error),
+            None => error,
+        });
         match ended {
-            Ok(_) => Ok(()),
+            Ok(_) | Err(TrackError::Silent) => Ok(()),
             Err(TrackError::Device(error)) => Err(error),
             Err(error) => {
                 self.tell(&format!("it is not moved away: {error}"), worker);

@@ -14,6 +14,8 @@ use sunglint_radiometry::station::{Detector, Station};
 
 /// Option of a recorded mount that tells where the file of the weather lies.
 const WEATHER: &str = "weather=";
+/// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
+const SETTLE_S: f64 = 10.0;
 
 fn yes() -> bool {
     true
@@ -184,6 +186,16 @@ impl MountPlan {
     /// Speed of a slew, deg/s.
     pub fn slew_deg_s(&self) -> f64 {
         self.slew_deg_s.map_or(2.0, Positive::get)
+    }
+
+    /// Time for the way from a place to another, s: the axes' ways, deg, at the speed of a slew, and what it needs beside its motion.
+    pub(crate) fn way_s(&self, [first, second]: [f64; 2]) -> f64 {
+        first.abs().max(second.abs()) / self.slew_deg_s() + SETTLE_S
+    }
+
+    /// Time for the longest way that it may have to go, s: an axis turns by half a circle.
+    pub(crate) fn farthest_s(&self) -> f64 {
+        self.way_s([180.0; 2])
     }
 
     /// Altitude of the rising Sun's centre at which it is parked, deg.

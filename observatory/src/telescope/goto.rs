@@ -1,9 +1,11 @@
 //! Going to a place on the sky, corrected by where the frames look.
 
-use super::path::{PathError, TargetPath, angles, wrapped};
+use super::path::{PathError, TargetPath, angles, direction, wrapped};
 use super::safety::Guard;
 use super::steer::Orders;
-use super::tracker::{PARKED, STOPPED, TrackError, TrackOptions, TrackStep, Tracker, off_of};
+use super::tracker::{
+    PARKED, STOPPED, TrackError, TrackOptions, TrackStep, Tracker, off_of, shifted,
+};
 use glam::DVec3;
 use hifitime::Epoch;
 use serde::Serialize;
@@ -19,6 +21,11 @@ const PATH_S: f64 = 900.0;
 const UP_RAD: f64 = 1e-3;
 /// A frame that looks farther from where the mount says than this is no error of pointing, deg.
 const MOST_OFF_DEG: f64 = 10.0;
+/// Distance by the mount's own reading beyond which it is sent again, arcsec. A mount that goes to the hour angle that the target had in the beginning is late by its way's time, 15″ a second; the
+/// last slew over a few minutes of arc takes two seconds at most, and what those leave cannot be had better in this way.
+pub const OWN_ARCSEC: f64 = 30.0;
+/// How often it is sent again at most. Each slew is late by the time of its own way alone: after the second, which is some minutes of arc long, only a mount that does not go where it says is still off.
+const AGAIN: usize = 3;
 /// Time for an answer of the mount.
 const SOON: Duration = Duration::from_millis(3500);
 /// Time within which the rest before a frame ends.
@@ -144,6 +151,8 @@ pub struct CameraAxes {
 /// Result of a goto.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Gone {
+    /// Distance from the target by the mount's own reading once its last slew had ended, arcsec.
+    pub own_arcsec: f64,
     /// Distance of each frame's middle from the target, arcsec.
     pub off_arcsec: Vec<f64>,
     /// The axes as the last frame saw them.
@@ -197,6 +206,61 @@ impl Goto<'_> {
         reading
     }
 
+    /// Sends the mount to a target until it is there by its own reading, or was sent again [`AGAIN`] times. Gives the path, and the distance that is left, arcsec.
+    fn arrive(
+        &mut self,
+        target: &GotoTarget,
+        orders: &Orders,
+        cancel: &Cancel,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<(TargetPath, f64), GotoError> {
+        let mut again = 0;
+        loop {
+            let path = self.path(target, self.clock.utc())?;
+            let (clock, options) = (self.clock.clone(), self.options.track);
+            let tracker = Tracker::new(&path, self.guard, self.mount, None, clock, options);
+            if !tracker.steered_by(orders).beating(self.beat).go(cancel, each)? {
+                return Err(CANCELLED.into());
+            }
+            // What is parked or stopped from now on is somebody else's.
+            self.options.track.unpark = false;
+            let keep = orders.keep_arcsec().map(|arcsec| -arcsec);
+            let off_arcsec = |reading: &MountReading| {
+                let wanted = path.at(path.time_s(reading.utc)).direction;
+                let stands = direction(path.angles_of(reading));
+                stands.angle_between(shifted(wanted, keep)).to_degrees() * 3600.0
+            };
+            let arrived = self.reading(cancel)?;
+            let mut own_arcsec = off_arcsec(&arrived);
+            if own_arcsec > OWN_ARCSEC {
+                // It may not have come to rest.
+                self.rest(cancel)?;
+                let reading = self.reading(cancel)?;
+                match (arrived.motion, reading.motion) {
+                    (_, MountMotion::Parked) => {
+                        return Err(TrackError::ByHand { what: PARKED }.into());
+                    }
+                    (MountMotion::Tracking, MountMotion::Still) => {
+                        return Err(TrackError::ByHand { what: STOPPED }.into());
+                    }
+                    _ => {}
+                }
+                own_arcsec = off_arcsec(&reading);
+            }
+            if own_arcsec <= OWN_ARCSEC || again == AGAIN {
+                return Ok((path, own_arcsec));
+            }
+            again += 1;
+        }
+    }
+
+    /// Lets the mount swing out.
+    fn rest(&self, cancel: &Cancel) -> Result<(), DeviceError> {
+        let settle = Deadline::after(self.clock.clock.clone(), SETTLES).with_cancel(cancel);
+        let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
+        settle.sleep(rest).map_err(|_| CANCELLED)
+    }
+
     /// The axes of a mount on this side of the pier, as a frame sees them that looks there.
     fn camera(&self, looks: &Looks, pier: Option<PierSide>) -> Result<CameraAxes, GotoError> {
         let [ra, dec] = looks.sky_deg.map(f64::to_radians);
@@ -221,7 +285,7 @@ impl Goto<'_> {
         })
     }
 
-    /// Goes to a target. With `look`, it is corrected by where the frames look until it is near enough. A mount that follows the stars after a goto does so in the end.
+    /// Goes to a target, and again where the mount's own reading is not there. With `look`, it is corrected by where the frames look until it is near enough. A mount that follows the stars after a goto does so in the end.
     ///
     /// # Errors
     /// See [`GotoError`]. A goto that was broken off ends in a stop.
@@ -235,19 +299,11 @@ impl Goto<'_> {
         let orders = Orders::default();
         let (mut offs, mut camera) = (Vec::new(), None);
         loop {
-            let path = self.path(target, self.clock.utc())?;
-            let (clock, options) = (self.clock.clone(), self.options.track);
-            let tracker = Tracker::new(&path, self.guard, self.mount, None, clock, options);
-            let went = tracker.steered_by(&orders).beating(self.beat).go(cancel, each)?;
-            if !went {
-                return Err(CANCELLED.into());
-            }
-            let Some(look) = look.as_mut() else { return Ok(Gone { off_arcsec: offs, camera }) };
-            let settle = Deadline::after(self.clock.clock.clone(), SETTLES).with_cancel(cancel);
-            let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
-            settle.sleep(rest).map_err(|_| CANCELLED)?;
-            // What is parked or stopped from now on is somebody else's.
-            self.options.track.unpark = false;
+            let (path, own_arcsec) = self.arrive(target, &orders, cancel, each)?;
+            let Some(look) = look.as_mut() else {
+                return Ok(Gone { own_arcsec, off_arcsec: offs, camera });
+            };
+            self.rest(cancel)?;
             let before = self.reading(cancel)?;
             let looked = look(cancel);
             let after = self.reading(cancel)?;
@@ -277,7 +333,7 @@ impl Goto<'_> {
                     self.mount.sync(place, &soon.with_cancel(cancel))?;
                     (self.beat)();
                 }
-                return Ok(Gone { off_arcsec: offs, camera });
+                return Ok(Gone { own_arcsec, off_arcsec: offs, camera });
             }
             if offs.len() >= self.options.rounds {
                 let (rounds, tolerance_arcsec) = (offs.len(), self.options.tolerance_arcsec);

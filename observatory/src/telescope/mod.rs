@@ -23,7 +23,9 @@ pub mod watchdog;
 mod weather;
 
 pub use estimate::EstimatorOptions;
-pub use goto::{CameraAxes, Gone, Goto, GotoError, GotoOptions, GotoTarget, Look, Looks};
+pub use goto::{
+    CameraAxes, Gone, Goto, GotoError, GotoOptions, GotoTarget, Look, Looks, OWN_ARCSEC,
+};
 pub use park::{PARK_WITHIN, Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};

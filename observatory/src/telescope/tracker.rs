@@ -200,6 +200,11 @@ pub enum TrackError {
         /// What was done to it.
         what: &'static str,
     },
+    /// The program's own watchdog stopped it.
+    #[error(
+        "the program stood still for more than 0.5 s (a paused or busy computer), and its own watchdog stopped the mount"
+    )]
+    Silent,
     /// A mount that only goes to places.
     #[error("this mount takes no rates ({what}): it can be sent to places, not follow a satellite")]
     NoRates {
@@ -1486,7 +1491,7 @@ fn tangent(at: DVec3) -> [DVec3; 2] {
 }
 
 /// A direction that is displaced along the growing axes, arcsec.
-fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
+pub(super) fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
     let [first, second] = tangent(at);
     (at + (first * off[0] + second * off[1]) / ARCSEC).normalize()
 }

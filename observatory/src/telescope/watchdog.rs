@@ -2,6 +2,7 @@
 //!
 //! It is meant to run in a process of its own, so that it outlives the tracker. What it cannot do: reach a mount whose cable is cut. Then the last rates go on.
 
+use super::tracker::{STOPPED, TrackError};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -36,6 +37,9 @@ pub enum Beat {
     Stop,
 }
 
+/// Exit status of a watchdog's process that stopped the mount because it heard nothing of its tracker.
+const SILENT: u8 = 73;
+
 /// How a watch ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Watched {
@@ -45,6 +49,16 @@ pub enum Watched {
     Silent,
     /// A person said stop; the mount was told to stop, and again until the tracker had ended.
     Stopped,
+}
+
+impl Watched {
+    /// Exit status of the watchdog's process, by which its tracker knows how it ended.
+    pub fn status(self) -> u8 {
+        match self {
+            Self::Silent => SILENT,
+            Self::Done | Self::Stopped => 0,
+        }
+    }
 }
 
 /// Watches until the tracker is done, or stops the mount. The mount is read about once a second, so that a lost connection is noticed while it is not needed.
@@ -119,6 +133,8 @@ fn stop(mount: &mut dyn Mount) -> Result<(), DeviceError> {
 pub const HANGS: Duration = Duration::from_secs(4);
 /// Time between two beats.
 const BEAT: Duration = Duration::from_millis(100);
+/// Time after a mount was seen standing within which the watchdog has ended, if it stopped the mount: two calls to stop it. One that lives on did not.
+const OWNS_UP: Duration = Duration::from_secs(2);
 /// Longest time in which a watchdog that was let go ends: three calls of its last stop, and a reading.
 const ENDS: Duration = Duration::from_secs(5);
 
@@ -234,6 +250,35 @@ impl Process {
     /// Whether it still watches; false once it has ended, because it stopped the mount or was killed.
     pub fn watches(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// Whether it has ended because it heard nothing of the tracker, and stopped the mount: the program stood still for a moment.
+    pub fn was_silent(&mut self) -> bool {
+        let ended = self.child.try_wait().ok().flatten();
+        ended.is_some_and(|status| status.code() == Some(i32::from(SILENT)))
+    }
+
+    /// The error of a tracking, with the one who stopped the mount: where that was this watchdog, it was nobody else.
+    pub fn explain(&mut self, error: TrackError) -> TrackError {
+        let stands = matches!(
+            error,
+            TrackError::ByHand { what: STOPPED }
+                | TrackError::MeridianLimit { .. }
+                | TrackError::DoesNotFollow { .. }
+        );
+        if !stands {
+            return error;
+        }
+        // The mount may say that it stands before the watchdog has its answer.
+        let seen = Instant::now();
+        while self.watches() && seen.elapsed() < OWNS_UP {
+            self.pulse.tick();
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        match self.was_silent() {
+            true => TrackError::Silent,
+            false => error,
+        }
     }
 
     /// The mount was told to stop and said yes: nothing is to be watched any more.
