@@ -199,7 +199,7 @@ impl TrackArgs {
 /// Follows.
 ///
 /// # Errors
-/// What is not safe, a mount that does not do what it is told, elements without a pass.
+/// An unsafe request, a mount that does not do what it is told, elements without a pass.
 pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     args.check()?;
     let at = when(&args.at).context("--at")?;

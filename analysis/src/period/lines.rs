@@ -49,7 +49,7 @@ pub(super) fn harmonics(series: &Series, frequency_hz: f64, highest_hz: f64) -> 
 
 /// Harmonics whose amplitudes are polynomials in time, fitted to a series.
 pub(super) struct Drifting {
-    /// What they leave, by sample, in units of the values.
+    /// Residuals by sample, in units of the values.
     pub left: Vec<f64>,
     /// Share of the weighted variance that they explain, 0 to 1.
     pub power: f64,

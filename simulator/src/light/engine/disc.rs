@@ -54,7 +54,7 @@ const OFTEN: f64 = 0.05;
 /// Patches that are looked at in all directions together, at most: some 0.1 s.
 const MOST_LOOKS: usize = 100_000;
 
-/// What the disc changes beside all light, over the directions that occur.
+/// Change by the disc beside all light, over the directions that occur.
 struct Looked {
     /// The part of the directions at which it changes the light by more than the tolerance.
     often: f64,

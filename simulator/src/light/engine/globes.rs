@@ -224,7 +224,7 @@ impl Doubt for Earthshine {
 struct Moonshine {
     /// The largest f_r of each material over its reflectance, sr⁻¹.
     peaks: Vec<f64>,
-    /// What a sphere of 1 m of each material sends at the most, m² sr⁻¹. A sphere spreads what it mirrors, however smooth it is: R²/4 of a mirror.
+    /// Largest light of a sphere of 1 m of each material, m² sr⁻¹. A sphere spreads what it mirrors, however smooth it is: R²/4 of a mirror.
     spheres: Vec<f64>,
 }
 
