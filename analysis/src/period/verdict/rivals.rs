@@ -1,14 +1,11 @@
 //! Rivals of a period: other peaks, and what the sampling does.
 
-use super::super::fit::{HarmonicFit, fit};
 use super::super::sums::turns;
 use super::super::{FrequencyGrid, PeriodError, window};
-use super::judge::{ALIKE, ALIKE_RARE};
 use super::outcome::Folding;
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
 use super::search::Search;
 use crate::series::Series;
-use nalgebra::{Cholesky, Complex, DMatrix};
 
 /// A peak this much lower in twice the logarithm of the likelihood is not ruled out: once in 2,000 by chance.
 pub(super) const RIVAL: f64 = 12.0;
@@ -16,89 +13,14 @@ pub(super) const RIVAL: f64 = 12.0;
 const WINDOW_PEAK: f64 = 0.3;
 /// Samples whose window has a peak this high are even: f and f_s ± f are the same to them.
 const EVEN: f64 = 0.9;
-/// Exposures are taken to be known to this share: near a turn of one exposure a little more or less of it changes all.
-const EXPOSURE: f64 = 0.02;
-/// Standard deviations by which amplitudes may be smaller than they are found.
-const SMALLER: f64 = 3.0;
+/// Shortest turn, in exposures, of the highest harmonic that stands out at a folded period: an exposure leaves 10 % of the amplitude of this (sin πx/πx), and nothing of one turn.
+const LEAST_EXPOSURES: f64 = 1.1;
 /// Folded periods that are named.
 const MOST_FOLDED: usize = 12;
+/// Harmonics of a folded turn that are fitted.
+const FOLDED_HARMONICS: usize = 6;
 /// Multiples of the sampling that are counted.
 const MOST_MULTIPLES: usize = 10_000;
-
-/// Variance of the cosine's or the sine's amplitude of a fit.
-fn noise_of(series: &Series, model: &HarmonicFit, independent: f64) -> f64 {
-    let n = series.len() as f64;
-    let mean = series.mean();
-    let about = series.value.iter().zip(&series.weight).map(|(v, w)| w * (v - mean).powi(2));
-    let left = about.sum::<f64>() * (1.0 - model.power);
-    let free = (n - 2.0 * model.harmonics.len() as f64 - 1.0).max(1.0);
-    2.0 * left / free / (n * independent)
-}
-
-/// Light of a series over a turn, as exposures show it: no light is negative, and that bounds how much of it exposures may have averaged away.
-struct Light {
-    exposure_s: f64,
-    /// The mean.
-    level: f64,
-    /// Half of the amplitude of each harmonic, complex: as small as they may be.
-    harmonics: Vec<Complex<f64>>,
-}
-
-impl Light {
-    fn new(series: &Series, base: f64, harmonics: usize, independent: f64) -> Option<Self> {
-        let model = fit(series, base, harmonics).ok()?;
-        let sigma = noise_of(series, &model, independent).sqrt();
-        let smaller = |[a, b]: &[f64; 2]| {
-            let size = a.hypot(*b);
-            let share = if size > 0.0 { (1.0 - SMALLER * sigma / size).max(0.0) } else { 0.0 };
-            Complex::new(0.5 * share * a, -0.5 * share * b)
-        };
-        let least = series.value.iter().copied().fold(f64::INFINITY, f64::min);
-        Some(Self {
-            exposure_s: series.exposure_s,
-            // Values whose zero is not that of the light, as they go below it, are at least above their smallest.
-            level: model.constant - least.min(0.0),
-            harmonics: model.harmonics.iter().map(smaller).collect(),
-        })
-    }
-
-    /// The fastest turn of which exposures may have left what is seen: they leave sin πx/πx ≤ 1/πx of x turns, and no harmonic is larger than twice the mean.
-    fn highest_hz(&self) -> f64 {
-        let of = |(k, c): (usize, &Complex<f64>)| {
-            self.level / (c.norm() * (k + 1) as f64 * std::f64::consts::PI * self.exposure_s)
-        };
-        self.harmonics.iter().enumerate().map(of).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Whether a light that turns at a frequency, is nowhere negative and is averaged over the exposures may have these harmonics: the Toeplitz matrix of its coefficients has no negative eigenvalue (Carathéodory and Toeplitz 1911). Only
-    /// amplitudes and the sequence count: where sampling folds the whole light to negative frequencies, all coefficients are conjugate, and the eigenvalues are the same.
-    fn may_turn_at(&self, frequency_hz: f64) -> bool {
-        [1.0 - EXPOSURE, 1.0, 1.0 + EXPOSURE].into_iter().any(|by| {
-            let mut all = vec![Complex::new(self.level, 0.0)];
-            for (k, c) in self.harmonics.iter().enumerate() {
-                let x = std::f64::consts::PI * by * self.exposure_s * frequency_hz * (k + 1) as f64;
-                let left = if x == 0.0 { 1.0 } else { x.sin() / x };
-                if c.norm() > self.level * left.abs() {
-                    return false;
-                }
-                all.push(if c.norm() > 0.0 { c / left } else { *c });
-            }
-            let n = all.len();
-            let at = |i: usize, j: usize| if i >= j { all[i - j] } else { all[j - i].conj() };
-            let real = DMatrix::from_fn(2 * n, 2 * n, |i, j| {
-                let c = at(i % n, j % n);
-                let ridge = if i == j { 1e-9 * self.level } else { 0.0 };
-                ridge
-                    + match (i < n, j < n) {
-                        (true, true) | (false, false) => c.re,
-                        (true, false) => -c.im,
-                        (false, true) => c.im,
-                    }
-            });
-            Cholesky::new(real).is_some()
-        })
-    }
-}
 
 impl Search<'_> {
     /// Peaks of the sampling's own spectrum, the highest first.
@@ -153,7 +75,7 @@ impl Search<'_> {
     }
 
     /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, the lowest first, by the multiple of the sampling. `harmonics` stand out at `base`. The light that is seen at `base` may also be the second or third harmonic of a
-    /// folded turn, whose other harmonics are seen elsewhere: as with the multiples of a period, where it is not known that they are missing.
+    /// folded turn, whose other harmonics are seen elsewhere: where that does as well.
     pub fn folded(
         &self,
         base: f64,
@@ -173,39 +95,38 @@ impl Search<'_> {
         if !known {
             return Some((folding, Vec::new()));
         }
-        let lights: Vec<Light> = self
-            .series
-            .iter()
-            .filter_map(|s| Light::new(s, base, harmonics, independent))
-            .collect();
-        let highest_hz = lights.iter().map(Light::highest_hz).fold(f64::INFINITY, f64::min);
+        let highest_hz = 1.0 / (LEAST_EXPOSURES * longest * harmonics as f64);
+        let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
+        let least = self.gain(base, harmonics) - cost * harmonics as f64 - RIVAL / independent;
+        let does_as_well =
+            |f: f64| (1..=FOLDED_HARMONICS).any(|k| self.gain(f, k) - cost * k as f64 > least);
         // By the part of a turn, the rest of the multiple of the sampling, and the sign: (n f_s ± f)/part. Of pairs that fold onto one another one is asked.
-        let open = |f: f64, part: usize| self.is_part_open(f, part, harmonics, independent);
-        let halves = [open(base / 2.0, 2), open((even_hz - base) / 2.0, 2)];
-        let thirds = [base, even_hz - base, 2.0 * even_hz - base].map(|times| open(times / 3.0, 3));
+        let halves = does_as_well((even_hz - base) / 2.0);
+        let thirds = does_as_well((even_hz - base) / 3.0);
+        let others = does_as_well((2.0 * even_hz - base) / 3.0);
         let is_possible = |n: usize, sign: f64, part: usize| match (part, n % part, sign < 0.0) {
             (1, ..) => true,
-            (2, rest, _) => halves[rest],
-            (_, 0, _) => thirds[0],
-            (_, 1, true) | (_, 2, false) => thirds[1],
-            _ => thirds[2],
+            (2, 1, _) => halves,
+            (3, 1, true) | (3, 2, false) => thirds,
+            (3, 2, true) | (3, 1, false) => others,
+            _ => false,
         };
         let mut all = Vec::new();
         for n in 1..=MOST_MULTIPLES {
             let middle = n as f64 * even_hz;
-            if middle - base > highest_hz {
+            if (middle - base) / 3.0 > highest_hz {
                 break;
             }
-            for sign in [-1.0, 1.0] {
-                let whole = middle + sign * base;
-                if !lights.iter().all(|light| light.may_turn_at(whole)) {
-                    continue;
-                }
-                for part in 1..=3 {
-                    let f = whole / part as f64;
-                    // What is searched for is found there, but for turns of which a harmonic beyond the search is what is seen.
-                    let is_beyond = f > self.range.highest_hz || part > 1;
-                    if is_beyond && f >= self.range.lowest_hz && is_possible(n, sign, part) {
+            for part in 1..=3 {
+                for sign in [-1.0, 1.0] {
+                    let f = (middle + sign * base) / part as f64;
+                    // A part of a turn has as many more harmonics.
+                    let above = part as f64 * f > highest_hz && part > 1;
+                    if f > self.range.highest_hz
+                        && f <= highest_hz
+                        && !above
+                        && is_possible(n, sign, part)
+                    {
                         all.push((n, f));
                     }
                 }
@@ -218,27 +139,6 @@ impl Search<'_> {
         folding.unnamed = all.len().saturating_sub(MOST_FOLDED);
         all.truncate(MOST_FOLDED);
         Some((folding, all))
-    }
-
-    /// Whether the harmonics of a frequency that are no multiples of `part` may be there, by as much as turns of bodies with like sides may differ.
-    fn is_part_open(&self, f: f64, part: usize, harmonics: usize, independent: f64) -> bool {
-        let limit = if part == 3 { ALIKE_RARE } else { ALIKE };
-        let (mut others, mut own, mut noise, mut number) = (0.0, 0.0, 0.0, 0.0);
-        for s in self.series {
-            let Ok(model) = fit(s, f, part * harmonics) else { return true };
-            let each = noise_of(s, &model, independent);
-            for (k, [a, b]) in model.harmonics.iter().enumerate() {
-                // Squares of cosine and sine: noise gives as much again as their scatter.
-                let light = a * a + b * b - 2.0 * each;
-                if (k + 1).is_multiple_of(part) {
-                    own += light;
-                } else {
-                    (others, noise, number) = (others + light, noise + 2.0 * each, number + 1.0);
-                }
-            }
-        }
-        let scatter = noise / f64::max(number, 1.0).sqrt();
-        own <= 0.0 || 2.0 * ((others.max(0.0) + 2.0 * scatter) / own).sqrt() > limit
     }
 
     /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.
