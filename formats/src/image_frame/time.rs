@@ -177,11 +177,11 @@ impl Reading<'_> {
                 return Ok(Some(number * unit_s));
             }
         }
-        Ok(self.from_begin_to_end())
+        Ok(self.dated_exposure())
     }
 
     /// The exposure by the dates of its begin and end, where both are known.
-    fn from_begin_to_end(&mut self) -> Option<f64> {
+    fn dated_exposure(&mut self) -> Option<f64> {
         let notes = self.notes.len();
         let scale = self.scale().ok()?;
         let start = if self.cards.get("DATE-BEG").is_some() { "DATE-BEG" } else { "DATE-OBS" };
