@@ -24,7 +24,7 @@ const MOST_OFF_DEG: f64 = 10.0;
 /// Distance by the mount's own reading beyond which it is sent again, arcsec. A mount that goes to the hour angle that the target had in the beginning is late by its way's time, 15″ a second; the
 /// last slew over a few minutes of arc takes two seconds at most, and what those leave cannot be had better in this way.
 pub const OWN_ARCSEC: f64 = 30.0;
-/// How often it is sent again at most. Each slew is late by the time of its own way alone: after the second, which is some minutes of arc long, only a mount that does not go where it says is still off.
+/// Most times that it is sent again. Each slew is late by the time of its own way alone: after the second, which is some minutes of arc long, only a mount that does not go where it says is still off.
 const AGAIN: usize = 3;
 /// Time for an answer of the mount.
 const SOON: Duration = Duration::from_millis(3500);

@@ -1,4 +1,4 @@
-//! How far the Sun's disc changes what flat facets send, bounded by a few places of the disc.
+//! Change by the Sun's disc of what flat facets send, bounded by a few places of the disc.
 //!
 //! A facet's answer v = f cosθ_i is averaged over the disc; without the disc it is taken at the middle. Along an axis through the middle what is odd of v drops out of the average, so the change is
 //! the average of s = ½ (v(+) + v(−)) − v(middle). Of a v that is quadratic over the disc it is ⟨x²⟩ (s_1 + s_2), with s_1 and s_2 at the limb on two axes and ⟨x²⟩ = 1/4.5 of the

@@ -30,7 +30,7 @@ pub struct Seen {
     pub sun_radius_rad: f64,
     /// cos(γ/2) of the phase angle γ: the direction midway between Sun and observer moves by up to 1/(2 cos γ/2) of what either moves.
     pub half_cos: f64,
-    /// What the disc changes of flat facets; empty where nobody asks.
+    /// Change by the disc of flat facets; empty where nobody asks.
     pub change: Change,
     asks_change: bool,
     lobes: Vec<f64>,
