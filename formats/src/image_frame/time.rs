@@ -70,10 +70,10 @@ fn comment_unit_s(comment: &str) -> Option<f64> {
 
 /// Words for a civil time in a comment.
 const LOCAL: [&str; 3] = ["local", "lt", "civil"];
-/// Zones by names that are no other words. (EST is also short for estimated.)
-const ZONES: [&str; 20] = [
-    "jst", "kst", "cet", "cest", "eet", "eest", "wet", "west", "bst", "msk", "edt", "cst", "cdt",
-    "mst", "mdt", "pst", "pdt", "hst", "aest", "aedt",
+/// Zones by names that are no other words: EST is also short for estimated, WET and WEST are words.
+const ZONES: [&str; 18] = [
+    "jst", "kst", "cet", "cest", "eet", "eest", "bst", "msk", "edt", "cst", "cdt", "mst", "mdt",
+    "pst", "pdt", "hst", "aest", "aedt",
 ];
 
 /// Words of a comment that say a time other than UTC: `local time`, `JST`, `UTC+1`.
