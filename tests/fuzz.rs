@@ -1,10 +1,9 @@
-//! Readers of outside data that have no `fuzz/` of their own: elements, ephemerides, meshes, plans of a night, scenes, targets, manifests.
+//! Readers of outside data that have no `fuzz/` of their own: meshes, plans of a night, scenes, targets, manifests.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use sunglint_ephemeris::orbit::{Ephemeris, TleOrbit, tle};
 use sunglint_formats::session::Manifest;
 use sunglint_observatory::Plan;
 use sunglint_simulator::mesh;
@@ -19,25 +18,6 @@ fn file(ending: &str, bytes: &[u8]) -> PathBuf {
     let path = folder.path().join(format!("x.{ending}"));
     std::fs::write(&path, bytes).unwrap();
     path
-}
-
-/// Elements: no panic; a place that is found is finite.
-fn elements(bytes: &[u8]) {
-    let text = String::from_utf8_lossy(bytes);
-    let _ = tle::parse("x", &text);
-    let (all, _) = tle::parse_lenient("x", &text);
-    for tle in all {
-        let Ok(orbit) = TleOrbit::new(tle) else { continue };
-        for minutes in [0.0, 90.0, -1440.0, 1e6] {
-            if let Ok(state) = orbit.teme_after(minutes) {
-                assert!(state.position_m.is_finite(), "{state:?}");
-            }
-        }
-    }
-}
-
-fn ephemeris(bytes: &[u8]) {
-    let _ = Ephemeris::parse("x.csv", &String::from_utf8_lossy(bytes));
 }
 
 /// Meshes of every kind: no panic; coordinates are finite and there is a triangle.
@@ -70,9 +50,7 @@ type Reader = (&'static str, &'static [&'static str], fn(&[u8]));
 #[test]
 fn campaign_fuzz() {
     let scenes: &'static [&'static str] = &["fixtures/scenes", "fixtures/thesis"];
-    let targets: [Reader; 6] = [
-        ("elements", &[], elements),
-        ("ephemeris", &[], ephemeris),
+    let targets: [Reader; 4] = [
         ("meshes", &["fixtures/meshes"], meshes),
         ("plan", &[], plan),
         ("scene", scenes, scene),

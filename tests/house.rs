@@ -111,3 +111,37 @@ fn what_is_built_once_serves_the_program_the_wheel_and_the_tests() {
         );
     }
 }
+
+/// The names in a folder that end with `.rs`, without the ending.
+fn sources(folder: &std::path::Path) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name());
+    let names = entries.filter_map(|n| Some(n.to_str()?.strip_suffix(".rs")?.to_owned()));
+    names.collect()
+}
+
+/// A fuzz target is one line around a function that the suite runs, too, so that it needs no build of its own here: only that line and its entry in the manifest could be missing.
+#[test]
+fn every_fuzz_target_is_run_by_the_suite() {
+    for room in ["drivers", "ephemeris", "formats"] {
+        let fuzz = repository().join(room).join("fuzz");
+        let targets = sources(&fuzz.join("targets"));
+        assert!(!targets.is_empty(), "{room}");
+        assert_eq!(sources(&fuzz.join("fuzz_targets")), targets, "{room}");
+        let manifest = std::fs::read_to_string(fuzz.join("Cargo.toml")).unwrap();
+        let suite = std::fs::read_to_string(repository().join(room).join("tests/fuzz.rs")).unwrap();
+        for target in targets {
+            let line =
+                std::fs::read_to_string(fuzz.join("fuzz_targets").join(format!("{target}.rs")));
+            let line = line.unwrap();
+            for part in [
+                format!("#[path = \"../targets/{target}.rs\"]\nmod target;"),
+                "libfuzzer_sys::fuzz_target!(|bytes: &[u8]| target::run(bytes));".to_owned(),
+            ] {
+                assert!(line.contains(&part), "{room}: {target}.rs lacks\n{part}");
+            }
+            let entry = format!("name = \"{target}\"\npath = \"fuzz_targets/{target}.rs\"");
+            assert!(manifest.contains(&entry), "{room}: {target} is not in the manifest");
+            assert!(suite.contains(&format!("{target}::run")), "{room}: {target} is not run");
+        }
+    }
+}

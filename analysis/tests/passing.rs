@@ -59,13 +59,13 @@ fn passing(axis: DVec3, period_s: f64, seed: u64) -> (Bisectors, Series) {
     (Bisectors::new(&moments).unwrap(), Series::new("c", &time, &value, None).unwrap())
 }
 
-/// Truth: the spin that was put in, 20 s, about axes all over the sky; what is seen in even time is off it by up to 2 %. Tolerance: the stated range of the spin holds it to 4 ms (two of the standard uncertainties that the noise leaves at most), and is narrower than 3 %; of eight
-/// axes seven (one may lie where the bisector passes close by the axis, and be a family or none).
+/// Truth: the spin that was put in, 20 s, about axes all over the sky; what is seen in even time is off it by up to 2 %. Tolerance: the stated range of the spin holds it to 4 ms (two of the standard uncertainties that the noise leaves at most), and is narrower than 3 %; of four
+/// axes three (one may lie where the bisector passes close by the axis, and be a family or none).
 #[test]
 fn along_a_pass_the_period_is_that_of_the_spin() {
     let mut good = 0;
-    for k in 0..8 {
-        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 8.0;
+    for k in 0..4 {
+        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 4.0;
         let (sin, cos) = (2.4 * f64::from(k) + 0.4).sin_cos();
         let axis = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
         let (path, series) = passing(axis, 20.0, u64::from(k as u32));
@@ -86,7 +86,7 @@ fn along_a_pass_the_period_is_that_of_the_spin() {
         assert!(!is_one || holds, "{axis}: {from} {to}");
         good += usize::from(is_one && holds);
     }
-    assert!(good >= 7, "{good} of 8");
+    assert!(good >= 3, "{good} of 4");
 }
 
 /// The longest pass of the demonstration's orbit that is lit, s.
@@ -253,7 +253,7 @@ fn asked(seed: u64) -> [f64; 11] {
 /// with a period that is off by more than 2 %, or a family without the true one.
 #[test]
 fn campaign_passing_spins() {
-    let mut campaign = Campaign::in_shards("passing_spins", 200, 6, &COLUMNS);
+    let mut campaign = Campaign::in_shards("passing_spins", 200, 2, &COLUMNS);
     for seed in campaign.seeds() {
         let row = asked(seed);
         let [period, turns, noise, gap, channels, verdict, held, from, to, even, cpu] = row;

@@ -56,7 +56,7 @@ fn cases() -> Vec<Case> {
 }
 
 /// Truth: the light that the photons were drawn from. Over the whole campaign the mean of the linearised rates is within 1e-3 of it (its own noise is
-/// 1e-4 to 2.4e-4; a tenth may miss by 3.5 times its noise more); the stated σ covers 68.3 % within 3.5 binomial σ and 1 % for the steps of whole
+/// 1e-4 to 2.4e-4; a part may miss by 3.5 times its noise more); the stated σ covers 68.3 % within 3.5 binomial σ and 1 % for the steps of whole
 /// counts. What a law changes of a count is left out: the same detectors without their law are wrong by 1 % at nτ = 0.01.
 #[test]
 fn campaign_dead_time() {

@@ -88,7 +88,7 @@ fn binomial(hits: u64, n: u64) -> (f64, f64) {
 
 /// Truth: the κ that the virtual nights were made with (`sky`). The errors are compared with those of an oracle on the same draws: 1.05 is the promise;
 /// a bias of 0.1 % is half as much again as chance leaves of the mean of 200 nights (0.67 %/√200, and the oracle's own). Intervals: each channel's hits
-/// are binomial with 95 %; six channels are looked at, so that each may miss 0.01/6. Of a tenth of the nights chance allows more.
+/// are binomial with 95 %; six channels are looked at, so that each may miss 0.01/6. Of a part of the nights chance allows more.
 #[test]
 fn campaign_kappa() {
     let mut campaign = Campaign::start("kappa", 200);

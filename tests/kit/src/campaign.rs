@@ -1,4 +1,4 @@
-//! Campaigns: statistical promises over many seeds, of which a tenth runs with every test.
+//! Campaigns: statistical promises over many seeds, of which a twentieth runs with every test.
 
 use crate::repository;
 use crate::rows::{Rows, shard};
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// A statistical promise, judged over the seeds 0…n−1.
 ///
 /// The test of a campaign is named `campaign_NAME`. `./test --campaign NAME` runs all of its seeds and writes `tests/campaigns/NAME.toml`
-/// (seeds, figures, commit); any other run takes the first tenth of the seeds and compares its figures with that file.
+/// (seeds, figures, commit); any other run takes the first twentieth of the seeds and compares its figures with that file.
 ///
 /// ```no_run
 /// let mut campaign = sunglint_testkit::Campaign::start("coin", 1000);
@@ -31,11 +31,11 @@ pub struct Campaign {
 }
 
 impl Campaign {
-    /// A campaign of `n` seeds (at least ten), or of the first tenth of them.
+    /// A campaign of `n` seeds (at least ten), or of the first twentieth of them, at least one.
     pub fn start(name: &'static str, n: u64) -> Self {
         assert!(n >= 10, "a campaign has at least ten seeds");
         let full = wanted(name);
-        let seeds = 0..if full { n } else { n / 10 };
+        let seeds = 0..if full { n } else { (n / 20).max(1) };
         Self { name, n, seeds, full, rows: None, figures: Vec::new() }
     }
 
@@ -83,15 +83,15 @@ impl Campaign {
         self.full && self.rows.as_ref().is_none_or(|rows| rows.missing(self.n).is_empty())
     }
 
-    /// The largest of something over the seeds: a tenth's cannot exceed the whole's by more than rounding.
+    /// The largest of something over the seeds: a part's cannot exceed the whole's by more than rounding.
     pub fn largest(&mut self, figure: &'static str, value: f64) {
         self.figures.push((figure, value));
     }
 
-    /// Writes the figures of a whole campaign (of one in shards those of all seeds that were run so far), or compares those of a tenth with the ones that are written.
+    /// Writes the figures of a whole campaign (of one in shards those of all seeds that were run so far), or compares those of a part with the ones that are written.
     ///
     /// # Panics
-    /// Where the file is missing or a figure of the tenth exceeds the whole's: the promise, or the file, is out of date.
+    /// Where the file is missing or a figure of the part exceeds the whole's: the promise, or the file, is out of date.
     pub fn finish(self) {
         let path = self.path();
         if self.full {
