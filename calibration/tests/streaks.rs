@@ -219,13 +219,13 @@ fn noisy(light: &Array2<f64>, noise: f64, rng: &mut Xoshiro256PlusPlus) -> Array
 }
 
 /// A colour camera's frames (synthetic): red sees half and blue 0.4 of the light and of the sky that green sees, on 1,000 ADU of bias. Truth: the line and the stars that were drawn, in green light, to
-/// 5 and 8 % (between green pixels a point looks narrower than it is, so that its aperture is small); the scatter of the line's light over ten frames is what is stated (of 10, a factor of 2). Searched as a monochrome camera's, the streak is lost or its light is an eighth of it.
+/// 5 and 8 % (between green pixels a point looks narrower than it is, so that its aperture is small); the scatter of the line's light over four frames is what is stated (a χ of 3 lies within 0.15 and 2.1 in 99 %). Searched as a monochrome camera's, the streak is lost or its light is an eighth of it.
 #[test]
 fn colour_cameras_are_measured_in_green() {
     use sunglint_calibration::photometry::field::looks_like_mosaic;
     use sunglint_formats::frame::Bayer;
     let mut pulls: Vec<f64> = Vec::new();
-    for seed in 0..10 {
+    for seed in 0..4 {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(0xBA7E + seed);
         let mut light = Array2::from_elem((400, 400), 300.0);
         let stars: Vec<[f64; 2]> =
@@ -265,7 +265,7 @@ fn colour_cameras_are_measured_in_green() {
     let n = pulls.len() as f64;
     let mean = pulls.iter().sum::<f64>() / n;
     let scatter = (pulls.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-    assert!((0.5..2.0).contains(&scatter), "{scatter}: {pulls:?}");
+    assert!((0.15..2.1).contains(&scatter), "{scatter}: {pulls:?}");
 }
 
 /// Frames clipped at 1,500 ADU by a program (synthetic). Truth: a source is saturated if the drawn light of one of its pixels, noise aside, is beyond that.

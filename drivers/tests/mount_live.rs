@@ -125,7 +125,8 @@ fn a_mount_goes_turns_stops_and_parks() {
         let stopped = mount.reading(&within(5.0)).unwrap();
         assert_eq!(stopped.motion, MountMotion::Still);
         let [rate, dec] = measured(&mut mount);
-        assert!(rate.abs() < 0.2 && dec.abs() < 0.2, "{rate} {dec}");
+        // One that went on would move by 1,800″/s, one that followed the stars by 15″/s; what times of readings are off by on a busy machine is 0.2″/s.
+        assert!(rate.abs() < 1.5 && dec.abs() < 1.5, "{rate} {dec}");
 
         // A mount that follows the stars says nothing for seconds: that is no lost link.
         mount.set_tracking(true, &within(5.0)).unwrap();
