@@ -114,8 +114,8 @@ impl TrackReport {
                     writeln!(text, "target found at {locked_s:.1} s, seen in {} frames", went.seen);
             }
         }
-        for [from_s, to_s] in &self.turned_s {
-            let lost_s = to_s - from_s;
+        for turn in &self.turned_s {
+            let (from_s, lost_s) = (turn.low, turn.width());
             let _ = writeln!(
                 text,
                 "turned over at {from_s:.0} s, on the target again after {lost_s:.0} s"

@@ -356,7 +356,7 @@ impl Guard {
                 ends.push([a[0] + first + 180.0, over]);
             }
             for end in ends {
-                least = least.min(rectangle_deg(a, end, frame.of_enu(sun)));
+                least = least.min(rectangle_deg(a.to_array(), end, frame.of_enu(sun)));
             }
         }
         least

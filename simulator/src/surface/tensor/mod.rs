@@ -66,10 +66,10 @@ impl Tensor {
         DVec3::new(v.x * x, v.y * y, v.z)
     }
 
-    fn bisector(&self, phi_i: f64, m: DVec3) -> [f64; 2] {
+    fn bisector(&self, phi_i: f64, m: DVec3) -> DVec2 {
         let phi = if self.is_isotropic() { azimuth(m) - phi_i } else { azimuth(m) };
         let turn = (phi + PI) / TAU;
-        [(elevation(m) * 2.0 / PI).sqrt(), turn - turn.floor()]
+        DVec2::new((elevation(m) * 2.0 / PI).sqrt(), turn - turn.floor())
     }
 
     /// Returns the factor on the values in s: ndf/(4 sigma).
