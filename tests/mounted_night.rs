@@ -194,7 +194,7 @@ fn a_virtual_night_with_a_mount_sees_the_same_light() {
             sunglint_radiometry::station::Detector::Counter(counter) => counter.fibre,
             _ => None,
         })
-        .map(|fibre| fibre.offset_px)
+        .map(|fibre| fibre.offset_px.to_array())
         .collect();
     let aim = [0, 1].map(|i| mean(fibres.iter().map(|offset| offset[i])));
     let off = |frame: &Seen| (frame.3[0] - aim[0]).hypot(frame.3[1] - aim[1]);
