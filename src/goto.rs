@@ -128,7 +128,7 @@ impl GotoArgs {
                 return Err(Usage(text).into());
             }
             let name = format!("altitude {altitude}°, azimuth {azimuth}°");
-            return Ok((GotoTarget::Horizontal([*azimuth, *altitude]), name));
+            return Ok((GotoTarget::Horizontal([*azimuth, *altitude].into()), name));
         }
         let star = self.star.as_deref().context("no target")?;
         let star = Catalogue::embedded().find(star)?;
@@ -203,7 +203,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
                 looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
             });
             if let Ok(looks) = &found {
-                let [ra, dec] = looks.sky_deg;
+                let [ra, dec] = looks.sky_deg.to_array();
                 console.say(&format!("the frame looks at RA {ra:.4}°, Dec {dec:+.4}°"));
             }
             found
@@ -304,7 +304,7 @@ fn hold(
         }
         let axes = mount.abilities().axes;
         let span = (reading.utc, 10.0);
-        let path = TargetPath::fixed([180.0, 45.0], &station.site, earth, span, axes)?;
+        let path = TargetPath::fixed([180.0, 45.0].into(), &station.site, earth, span, axes)?;
         let here = path.frame().to_enu(direction(path.angles_of(&reading)));
         guard.check_place(here, reading.utc)?;
         for _ in 0..10 {

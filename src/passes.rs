@@ -614,7 +614,7 @@ fn shown(pass: &SeenPass, around: &Around<'_>) -> Option<PlanPass> {
         let h = seen.horizontal;
         Some(PlanPoint {
             at,
-            at_deg: [h.azimuth_deg(), h.altitude_deg()],
+            at_deg: [h.azimuth_deg(), h.altitude_deg()].into(),
             lit: seen.lit_rad > 0.0,
             dark: search.dark().iter().any(|d| d.from <= at && at <= d.to),
         })
@@ -677,7 +677,7 @@ impl NightArgs {
         options.sky_s = self.sky_s;
         options.slew_s = self.slew_s;
         options.dark_s = self.dark_s;
-        options.star_mag = star_mag;
+        options.star_mag = star_mag.into();
         options.airmass = self.max_airmass;
         options.seeing_arcsec = self.seeing_arcsec;
         options.flats_adu = self.flats;

@@ -5,6 +5,7 @@ use crate::progress::Bar;
 use crate::station::{StationArgs, of_session, with_hint};
 use anyhow::Context as _;
 use clap::Args;
+use glam::DVec2;
 use hifitime::Epoch;
 use std::path::PathBuf;
 use sunglint_calibration::alignment::read_fibres;
@@ -21,6 +22,8 @@ use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
 use sunglint_formats::image_frame::{ImageFrame, ReadOptions};
 use sunglint_formats::session::Session;
+use sunglint_formats::wcs::Equatorial;
+use sunglint_numerics::measured::{Interval, Measured};
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::sky::Site;
 use sunglint_radiometry::station::Station;
@@ -190,8 +193,8 @@ impl OtherArgs {
             MagnitudeSystem::Vega => System::Vega,
             MagnitudeSystem::Ab => System::AB,
         });
-        stars.near_deg = pair(&self.near);
-        if let Some([ra, dec]) = stars.near_deg
+        stars.near_deg = pair(&self.near).map(Equatorial::from);
+        if let Some(Equatorial { ra_deg: ra, dec_deg: dec }) = stars.near_deg
             && !((-360.0..=360.0).contains(&ra) && (-90.0..=90.0).contains(&dec))
         {
             return Err(Usage(format!(
@@ -203,8 +206,8 @@ impl OtherArgs {
         if let Some(scale) = self.scale_arcsec.filter(|s| !(1e-3..=1e4).contains(s)) {
             return Err(Usage(format!("--scale-arcsec is {scale}, expected 0.001 to 10000")).into());
         }
-        stars.target_colour = pair(&self.target_colour);
-        if let Some([colour, sigma]) = stars.target_colour
+        stars.target_colour = pair(&self.target_colour).map(Measured::from);
+        if let Some(Measured { value: colour, sigma }) = stars.target_colour
             && !(colour.abs() < 20.0 && (0.0..5.0).contains(&sigma))
         {
             return Err(Usage(format!("--target-colour is {colour} {sigma}, expected a colour and a standard deviation of 0 or above, mag")).into());
@@ -329,7 +332,7 @@ impl FrameArgs {
         let pair = |values: &[f64]| Some([*values.first()?, *values.get(1)?]);
         Recipe {
             aperture_px: self.aperture_px,
-            annulus_px: self.annulus_px.as_deref().and_then(pair),
+            annulus_px: self.annulus_px.as_deref().and_then(pair).map(Interval::from),
             fwhm_px: self.fwhm_px,
             detect_sigma: Some(self.detect_sigma),
             max_offset_px: self.max_offset_px,
@@ -432,7 +435,7 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     options.field.point_sigmas = args.frames.detect_sigma;
     options.field.streak_sigmas = args.others.streak_sigma;
     options.place_px =
-        args.others.place_px.as_deref().and_then(|p| Some([*p.first()?, *p.get(1)?]));
+        args.others.place_px.as_deref().and_then(|p| Some(DVec2::new(*p.first()?, *p.get(1)?)));
     options.parts = args.others.along;
     options.stars = args.others.stars()?;
     let first = first_time(&files, &options.reading);

@@ -51,9 +51,9 @@ pub struct SolveArgs {
 pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
     if let Some(width) = args.width_deg
-        && !(FIELDS_DEG[0]..=FIELDS_DEG[1]).contains(&width)
+        && !FIELDS_DEG.contains(width)
     {
-        let [least, most] = FIELDS_DEG;
+        let [least, most] = FIELDS_DEG.to_array();
         return Err(Usage(format!("--width-deg is {width}, expected {least} to {most}")).into());
     }
     let files = files_of(&args.frames)?;

@@ -145,3 +145,66 @@ fn every_fuzz_target_is_run_by_the_suite() {
         }
     }
 }
+
+/// Bare pairs of numbers that stay in public items, each with why: the file, what the line begins with, the reason.
+const BARE_PAIRS: [(&str, &str, &str); 18] = [
+    ("analysis/src/period/fit.rs", "pub harmonics:", "cosine and sine, as in sessions"),
+    ("analysis/src/period/lomb_scargle.rs", "pub weights:", "sums of a crate's own type"),
+    ("analysis/src/period/lomb_scargle.rs", "pub values:", "sums of a crate's own type"),
+    ("analysis/src/period/lomb_scargle.rs", "pub fn coefficients", "of a crate's own type"),
+    ("analysis/src/sessions/verdict.rs", "pub harmonics:", "cosine and sine, as in period"),
+    ("formats/src/session/index.rs", "pub range_hz:", "formats does not see numerics' Interval"),
+    ("formats/src/wcs.rs", "pub const fn to_array", "the numbers of a named type"),
+    ("materials/src/plan/mod.rs", "pub marks_deg:", "two marks of a rig: incidence, detector"),
+    ("numerics/src/axes.rs", "pub const fn to_array", "the numbers of a named type"),
+    ("numerics/src/measured.rs", "pub const fn to_array", "the numbers of a named type"),
+    ("numerics/src/measured.rs", "pub const fn to_array", "the numbers of a named type"),
+    ("observatory/src/telescope/plan.rs", "pub first_deg:", "one angle at two times, in no order"),
+    ("radiometry/src/sky/angles.rs", "pub const fn to_array", "the numbers of a named type"),
+    ("rehearsal/src/track.rs", "pub truth:", "rows of a table: time, distance"),
+    ("report/src/track.rs", "pub fn knows", "rows of a table: time, distance"),
+    (
+        "simulator/src/light/earth/grid.rs",
+        "pub places_deg:",
+        "rows of a table: latitude, longitude",
+    ),
+    ("simulator/src/light/pieces.rs", "pub fn polygons", "corners as the clipping keeps them"),
+    ("virtual/src/telescope.rs", "pub site_deg:", "latitude and longitude of a made-up site"),
+];
+
+/// The lines of public items in a folder's sources that hold a bare pair, each with its file. Arguments on lines of their own are not seen.
+fn bare_pairs(folder: &std::path::Path, found: &mut Vec<(String, String)>) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for path in entries.map(|entry| entry.unwrap().path()) {
+        if path.is_dir() {
+            bare_pairs(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let name = path.strip_prefix(repository()).unwrap().to_str().unwrap().to_owned();
+            let text = std::fs::read_to_string(&path).unwrap();
+            let lines = text.lines().map(str::trim_start);
+            let bare = lines.filter(|l| l.starts_with("pub ") && l.contains("[f64; 2]"));
+            found.extend(bare.map(|line| (name.clone(), line.to_owned())));
+        }
+    }
+}
+
+/// A pair of numbers in the public API has a type that says what it is. Truth: the sources.
+#[test]
+fn public_items_hold_few_bare_pairs() {
+    let mut found = Vec::new();
+    bare_pairs(&repository().join("src"), &mut found);
+    for entry in std::fs::read_dir(repository()).unwrap() {
+        bare_pairs(&entry.unwrap().path().join("src"), &mut found);
+    }
+    let mut open = BARE_PAIRS.to_vec();
+    found.retain(|(file, line)| {
+        let known = open.iter().position(|(f, begin, _)| f == file && line.starts_with(begin));
+        known.map(|known| open.remove(known)).is_none()
+    });
+    assert!(
+        found.is_empty(),
+        "name what these are (glam's DVec2, numerics' Interval, Measured or Axes, Equatorial, AzimuthAltitude), or say in BARE_PAIRS why not: {found:?}"
+    );
+    assert!(open.is_empty(), "no longer there: take them out of BARE_PAIRS: {open:?}");
+    assert!(BARE_PAIRS.len() <= 20);
+}

@@ -194,7 +194,7 @@ fn a_virtual_night_with_a_mount_sees_the_same_light() {
             sunglint_radiometry::station::Detector::Counter(counter) => counter.fibre,
             _ => None,
         })
-        .map(|fibre| fibre.offset_px)
+        .map(|fibre| fibre.offset_px.to_array())
         .collect();
     let aim = [0, 1].map(|i| mean(fibres.iter().map(|offset| offset[i])));
     let off = |frame: &Seen| (frame.3[0] - aim[0]).hypot(frame.3[1] - aim[1]);
@@ -389,8 +389,9 @@ fn a_visit_over_indis_wires_and_a_killed_program() {
             false,
         )
         .unwrap();
-        let [hour, dec] = path.angles_of(&reading);
-        let [true_hour, true_dec] = sunglint_observatory::telescope::angles(path.at(0.0).direction);
+        let [hour, dec] = path.angles_of(&reading).to_array();
+        let at = sunglint_observatory::telescope::angles(path.at(0.0).direction);
+        let [true_hour, true_dec] = at.to_array();
         let off = (hour - true_hour) * true_dec.to_radians().cos();
         assert!(off.hypot(dec - true_dec) < 0.05, "{off} {}", dec - true_dec);
     });

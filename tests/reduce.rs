@@ -75,7 +75,9 @@ fn place_errors(night: &Arc<Night>, visits: &[Visited]) -> Vec<[f64; 2]> {
         for point in &visited.track.points {
             let Some(place) = point.place else { continue };
             let truth = watch.moment(night.seconds(point.time)).offset_px;
-            for ((sum, place), truth) in sum.0.iter_mut().zip(place.offset_px).zip(truth) {
+            for ((sum, place), truth) in
+                sum.0.iter_mut().zip(place.offset_px.to_array()).zip(truth.to_array())
+            {
                 *sum += place - truth;
             }
             sum.1 += 1.0;

@@ -27,7 +27,7 @@ pub fn draw(folder: &Folder, name: &str) {
     let (sin, cos) = 20_f64.to_radians().sin_cos();
     // East is to the left, rows go down.
     let matrix = [[-scale * cos, -scale * sin], [scale * sin, -scale * cos]];
-    let wcs = Wcs::tangential([83.0, 0.0], [399.5, 399.5], matrix).unwrap();
+    let wcs = Wcs::tangential([83.0, 0.0].into(), [399.5, 399.5].into(), matrix).unwrap();
     let table = BRIGHT_STARS.table();
     let column = |name: &str| table.f64(name).unwrap().into_owned();
     let (ra, dec, v) = (column("ra_deg"), column("dec_deg"), column("v"));
@@ -43,7 +43,8 @@ pub fn draw(folder: &Folder, name: &str) {
         *pixel = (500.0 + 10.0 * sum) as f32;
     }
     for ((ra, dec), v) in ra.iter().zip(&dec).zip(&v) {
-        let Some([x, y]) = wcs.pixel([*ra, *dec]) else { continue };
+        let Some(place) = wcs.pixel([*ra, *dec].into()) else { continue };
+        let [x, y] = place.to_array();
         if !(0.0..800.0).contains(&x) || !(0.0..800.0).contains(&y) || (ra - 83.0).abs() > 40.0 {
             continue;
         }
@@ -87,7 +88,8 @@ fn a_frame_is_solved_and_its_header_told() {
     let fits = Fits::read(folder.path("orion.fits")).unwrap();
     let header = fits.hdus()[0].header();
     assert_eq!((header.text("OBJECT"), header.text("CHECKSUM")), (Some("synthetic"), None));
-    let [ra, dec] = Wcs::from_header(header).unwrap().unwrap().sky([399.5, 399.5]).unwrap();
+    let middle = Wcs::from_header(header).unwrap().unwrap().sky([399.5, 399.5].into()).unwrap();
+    let [ra, dec] = middle.to_array();
     assert!((ra - 83.0).abs() < 0.005 && dec.abs() < 0.005, "{ra} {dec}");
     // Without the card the first row is at the bottom, as viewers of FITS draw it: upside down, and mirrored.
     let mut bytes = std::fs::read(folder.path("orion.fits")).unwrap();

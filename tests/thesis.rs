@@ -271,7 +271,7 @@ fn lcs_alpha(alpha: f64) -> [f64; 2] {
 /// Coupling into the SPCM's fibre at a share q of the gate's area, of that at its centre.
 fn coupled(q: f64) -> f64 {
     let fibre = counter("spcm").fibre.unwrap();
-    let offset_px = [fibre.offset_px[0] + q.sqrt() * fibre.sigma_px[0], fibre.offset_px[1]];
+    let offset_px = [fibre.offset_px[0] + q.sqrt() * fibre.sigma_px[0], fibre.offset_px[1]].into();
     coupling(&fibre, &Place { offset_px, covariance_px2: [0.0; 3] }).mean
 }
 

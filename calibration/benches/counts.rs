@@ -61,7 +61,7 @@ fn reduce(bencher: Bencher) {
             })
         })
         .collect();
-    let place = Place { offset_px: [3.0, 4.0], covariance_px2: [0.01, 0.01, 0.0] };
+    let place = Place { offset_px: [3.0, 4.0].into(), covariance_px2: [0.01, 0.01, 0.0] };
     let frame =
         |i| TrackPoint { time: at(2.0 * f64::from(i)), exposure_s: 0.5, place: Some(place) };
     let tracks = [Track { points: (0..501).map(frame).collect() }];
@@ -71,7 +71,7 @@ fn reduce(bencher: Bencher) {
         column: 0,
         linearity: Linearity::new(&LAWS[0]).unwrap_or_else(|error| panic!("{error}")),
         dark_rate_hz: 800.0,
-        fibre: Some(Fibre { offset_px: [0.0; 2], sigma_px: [14.0, 17.0] }),
+        fibre: Some(Fibre { offset_px: [0.0; 2].into(), sigma_px: [14.0, 17.0].into() }),
     }];
     let Ok(off) =
         OffTarget::measure::<Infallible>(Vec::new(), &channels, &spans, &OffOptions::default());
@@ -92,7 +92,7 @@ fn fit(bencher: Bencher, robust: bool) {
             let (x, y) = (80.0 * uniform(), 80.0 * uniform());
             let rate = 1000.0 * (-0.5 * ((x / 14.0).powi(2) + (y / 17.0).powi(2))).exp();
             FieldPoint {
-                offset_px: [x, y],
+                offset_px: [x, y].into(),
                 covariance_px2: [0.01, 0.01, 0.0],
                 rate_hz: rate + 60.0 * uniform(),
                 sigma_hz: 17.0,

@@ -104,7 +104,7 @@ fn field() -> Frame {
 
 fn searching_nearest_off(frame: &Frame) -> f64 {
     let found = searching(Choice::Nearest).detect(frame, &Expected::default()).unwrap();
-    let [x, y] = found.candidates[found.target.unwrap()].place_px;
+    let [x, y] = found.candidates[found.target.unwrap()].place_px.to_array();
     (x - 695.0).hypot(y - 519.0)
 }
 

@@ -1,5 +1,6 @@
 //! Where the target stood on the camera's frame, and when: what the photometry of frames finds, and what the gating of counts needs.
 
+use glam::DVec2;
 use hifitime::Epoch;
 use sunglint_numerics::order;
 
@@ -19,7 +20,7 @@ pub struct TrackPoint {
 pub struct Place {
     /// Columns and rows from the middle of the camera's sensor, unbinned pixels: the origin of a fibre's
     /// [`offset_px`](sunglint_radiometry::station::Fibre::offset_px). Rows grow in the order of the file.
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Variances of column and row and their covariance, px².
     pub covariance_px2: [f64; 3],
 }
@@ -37,7 +38,7 @@ pub struct Interpolated {
     /// The place, with what the frames and the way between them leave open.
     pub place: Place,
     /// Drift of the target, px/s.
-    pub drift_px_per_s: [f64; 2],
+    pub drift_px_per_s: DVec2,
 }
 
 /// Why there is no place at a time.
@@ -90,10 +91,10 @@ impl Track {
         let between =
             |i: usize| (1.0 - w).powi(2) * from.covariance_px2[i] + w * w * to.covariance_px2[i];
         let place = Place {
-            offset_px: [from.offset_px[0] + w * dx, from.offset_px[1] + w * dy],
+            offset_px: DVec2::new(from.offset_px[0] + w * dx, from.offset_px[1] + w * dy),
             covariance_px2: [between(0) + wander, between(1) + wander, between(2)],
         };
-        Ok(Interpolated { place, drift_px_per_s: [dx / span_s, dy / span_s] })
+        Ok(Interpolated { place, drift_px_per_s: DVec2::new(dx / span_s, dy / span_s) })
     }
 
     /// How much the target wanders off its straight way, px²/s per axis, as a random walk: from the distances of detected places from the line between

@@ -37,7 +37,7 @@ impl Draw {
             let rate = AMPLITUDES[i % 3] * (-0.5 * (u * u + v * v)).exp();
             let sigma_hz = 0.02 * AMPLITUDES[i % 3];
             points.push(FieldPoint {
-                offset_px: [x + place_px * self.normal(), y + place_px * self.normal()],
+                offset_px: [x + place_px * self.normal(), y + place_px * self.normal()].into(),
                 covariance_px2: [place_px * place_px, place_px * place_px, 0.0],
                 rate_hz: rate + sigma_hz * self.normal(),
                 sigma_hz,
@@ -59,7 +59,7 @@ fn intervals_of_the_field_cover_the_truth() {
         for seed in 0..draws {
             let points = Draw::new(seed).points(300, place_px, 0.0);
             let fit = fit_field(&points, &FitOptions::default()).unwrap();
-            let found = [fit.offset_px, fit.sigma_px].concat();
+            let found = [fit.offset_px.to_array(), fit.sigma_px.to_array()].concat();
             let sigma = fit.uncertainties();
             for i in 0..4 {
                 let pull = (found[i] - TRUTH[i]) / sigma[i];
@@ -102,7 +102,7 @@ fn points_that_err_together_are_not_counted_each() {
                 let rate = amplitude * (-0.5 * (u * u + v * v)).exp();
                 lasting = keep * lasting + (1.0 - keep * keep).sqrt() * draw.normal();
                 points.push(FieldPoint {
-                    offset_px: [TRUTH[0] + offset[0], TRUTH[1] + offset[1]],
+                    offset_px: [TRUTH[0] + offset[0], TRUTH[1] + offset[1]].into(),
                     covariance_px2: [0.0; 3],
                     rate_hz: rate + sigma_hz * (draw.normal() + 3.0 * lasting),
                     sigma_hz,
@@ -119,7 +119,8 @@ fn points_that_err_together_are_not_counted_each() {
         }
         let unordered = fit_field(&shuffled, &FitOptions::default()).unwrap();
         for (fit, covered) in [(&fit, &mut covered), (&unordered, &mut alone)] {
-            let (found, sigma) = ([fit.offset_px, fit.sigma_px].concat(), fit.uncertainties());
+            let (found, sigma) =
+                ([fit.offset_px.to_array(), fit.sigma_px.to_array()].concat(), fit.uncertainties());
             for i in 0..4 {
                 covered[i] += f64::from((found[i] - TRUTH[i]).abs() <= sigma[i]) / draws as f64;
             }
@@ -144,7 +145,7 @@ fn spoilt_points_do_not_pull() {
     }
     let off = |robust| {
         let fit = fit_field(&points, &FitOptions { robust, ..FitOptions::default() }).unwrap();
-        let found = [fit.offset_px, fit.sigma_px].concat();
+        let found = [fit.offset_px.to_array(), fit.sigma_px.to_array()].concat();
         (0..4).map(|i| (found[i] - TRUTH[i]).abs()).zip(fit.uncertainties()).collect::<Vec<_>>()
     };
     let robust = off(true);
@@ -171,7 +172,7 @@ fn a_turned_field_and_a_background_are_found() {
             "{found:?} {sigma:?}"
         );
     }
-    let [background, its_sigma] = fit.background_hz;
+    let [background, its_sigma] = fit.background_hz.to_array();
     assert!((background - 200.0).abs() < 5.0 * its_sigma && its_sigma < 5.0, "{background}");
     for (star, [amplitude, sigma]) in &fit.amplitudes_hz {
         assert!((amplitude - AMPLITUDES[star - 10]).abs() < 5.0 * sigma, "{:?}", fit.amplitudes_hz);
@@ -211,7 +212,7 @@ fn points_that_tell_nothing_are_refused() {
     assert_eq!(refused(&points), FitError::TooFew { found: 7, parameters: 7 });
     assert_eq!(refused(&[]), FitError::TooFew { found: 0, parameters: 4 });
     let mut same = Draw::new(1).points(50, 0.0, 0.0);
-    same.iter_mut().for_each(|point| point.offset_px = [1.0, 2.0]);
+    same.iter_mut().for_each(|point| point.offset_px = [1.0, 2.0].into());
     assert!(matches!(refused(&same), FitError::Undetermined(_)));
     let mut dark = Draw::new(1).points(50, 0.0, 0.0);
     dark.iter_mut().for_each(|point| point.rate_hz = 0.0);
@@ -237,7 +238,7 @@ fn the_fit_is_scipys() {
     let rows: Vec<String> = points
         .iter()
         .map(|p| {
-            let [x, y] = p.offset_px;
+            let [x, y] = p.offset_px.to_array();
             format!("{x:?},{y:?},{:?},{:?},{}", p.rate_hz, p.sigma_hz, p.star - 10)
         })
         .collect();
@@ -257,7 +258,7 @@ print(' '.join(repr(float(v)) for v in [*p, *np.sqrt(np.diag(c))]))
 "#;
     let answer = run_python(&python, script, &[&rows.join(";")]);
     let scipys: Vec<f64> = answer.split_whitespace().map(|v| v.parse().unwrap()).collect();
-    let [b, b_sigma] = fit.background_hz;
+    let [b, b_sigma] = fit.background_hz.to_array();
     let mut ours = vec![
         fit.offset_px[0],
         fit.offset_px[1],

@@ -47,7 +47,7 @@ fn solve(
 /// Distance of the middle from the truth, arcsec.
 fn off_arcsec(solved: &Solved, entry: &Value) -> f64 {
     let truth = [0, 1].map(|k| entry["centre_deg"][k].as_f64().unwrap());
-    let [ra, dec] = solved.centre_deg;
+    let [ra, dec] = solved.centre_deg.to_array();
     let east = (ra - truth[0] + 540.0).rem_euclid(360.0) - 180.0;
     (east * dec.to_radians().cos()).hypot(dec - truth[1]) * 3600.0
 }
@@ -107,7 +107,7 @@ fn frames_are_found_where_others_put_them() {
     let Some(folder) = drawn(TEST, 0, 6, "26,35") else { return };
     let embedded = Catalogue::embedded().unwrap();
     let brightness = embedded.brightness(None).unwrap();
-    let patterns = Patterns::new(&embedded, &brightness, YEAR, [22.0, 40.0]).unwrap();
+    let patterns = Patterns::new(&embedded, &brightness, YEAR, [22.0, 40.0].into()).unwrap();
     let mut count = Count::default();
     for entry in truth(folder.path()) {
         let width = entry["width_deg"].as_f64().unwrap();
@@ -135,7 +135,7 @@ fn coordinates_are_written_into_a_header() {
     let entry = &truth(folder.path())[0];
     let embedded = Catalogue::embedded().unwrap();
     let brightness = embedded.brightness(None).unwrap();
-    let patterns = Patterns::new(&embedded, &brightness, YEAR, [22.0, 30.0]).unwrap();
+    let patterns = Patterns::new(&embedded, &brightness, YEAR, [22.0, 30.0].into()).unwrap();
     let solved = solve(&patterns, folder.path(), entry, Some((27.0, 0.1))).unwrap();
     let path = folder.path().join("3.fits");
     let before = std::fs::read(&path).unwrap();
@@ -149,7 +149,7 @@ fn coordinates_are_written_into_a_header() {
     let header = again.hdus()[0].header();
     assert_eq!(header.text("OBJECT"), Some("synthetic"));
     let wcs = Wcs::from_header(header).unwrap().unwrap();
-    let (a, b) = (wcs.sky([511.5, 511.5]).unwrap(), solved.centre_deg);
+    let (a, b) = (wcs.sky([511.5, 511.5].into()).unwrap().to_array(), solved.centre_deg.to_array());
     assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?} {b:?}");
     // A second writing replaces the first.
     let twice = again.with_cards(is_gone, &solved.wcs.cards().unwrap()).unwrap();
@@ -161,8 +161,9 @@ fn coordinates_are_written_into_a_header() {
 fn lists_and_widths_that_make_no_patterns_are_refused() {
     let embedded = Catalogue::embedded().unwrap();
     let brightness = embedded.brightness(None).unwrap();
-    let refused =
-        |widths| Patterns::new(&embedded, &brightness, YEAR, widths).unwrap_err().to_string();
+    let refused = |widths: [f64; 2]| {
+        Patterns::new(&embedded, &brightness, YEAR, widths.into()).unwrap_err().to_string()
+    };
     assert!(refused([2.0, 3.0]).contains("too few for fields of 3.00°"), "{}", refused([2.0, 3.0]));
     assert!(refused([0.01, 3.0]).contains("expected 0.2° to 45°"));
     assert!(refused([30.0, 20.0]).contains("fields of 30.000° to 20.000°"));

@@ -3,6 +3,7 @@
 
 use crate::events::{Detector, Events};
 use sunglint_calibration::detector::{DeadTimeEstimate, IntervalError, IntervalHistogram};
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::station::DeadTime;
 
 /// Intervals of so many counts in bins of 20 ns up to 20 µs.
@@ -15,8 +16,8 @@ fn histogram(detector: Detector, rate_hz: f64, counts: usize, seed: u64) -> Inte
     histogram
 }
 
-fn near([value, sigma]: [f64; 2], truth: f64, sigmas: f64) {
-    assert!((value - truth).abs() <= sigmas * sigma, "{value} ± {sigma}, truth {truth}");
+fn near(found: Measured, truth: f64, sigmas: f64) {
+    assert!(found.pull(truth).abs() <= sigmas, "{found}, truth {truth}");
 }
 
 /// Truth: the dead time and the light that the photons were drawn from. 4 σ each; the dead time to a tenth of a bin of 20 ns besides.
@@ -28,7 +29,7 @@ fn a_plain_dead_time_is_found() {
     assert!(recovery_s.is_none() && !afterpulses.are_there(), "{found:?}");
     near(rate_hz, 2e5, 4.0);
     near(dead_time_s, 1e-6, 4.0);
-    assert!((dead_time_s[0] - 1e-6).abs() < 0.4e-9 * 5.0, "{found:?}");
+    assert!((dead_time_s.value - 1e-6).abs() < 0.4e-9 * 5.0, "{found:?}");
     assert!(matches!(found.dead_time(), DeadTime::NonParalysable { .. }));
     let freedom = found.degrees_of_freedom as f64;
     assert!((found.deviance - freedom).abs() < 5.0 * (2.0 * freedom).sqrt(), "{found:?}");
@@ -47,8 +48,8 @@ fn a_recovery_is_found_with_its_uncertainty() {
             histogram(Detector::Recovering(1e-6, 0.25e-6), 3e5, 60_000, seed).estimate().unwrap();
         assert!(!found.afterpulses.are_there(), "{found:?}");
         let values = [found.rate_hz, found.dead_time_s, found.recovery_s.unwrap()];
-        for (i, [value, sigma]) in values.into_iter().enumerate() {
-            let pull = (value - truth[i]) / sigma;
+        for (i, found) in values.into_iter().enumerate() {
+            let pull = (found.value - truth[i]) / found.sigma;
             pulls[i] += pull;
             covered[i] += f64::from(pull.abs() <= 1.0);
         }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+use glam::DVec2;
 use ndarray::Array2;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, Normal};
@@ -112,7 +113,7 @@ fn frame(seed: u64) -> (Array2<f32>, Option<Truth>) {
 fn is_it(streak: &Streak, truth: &Truth) -> bool {
     let [a, b] = truth.ends;
     let along = [(b[0] - a[0]) / truth.length, (b[1] - a[1]) / truth.length];
-    let of = |p: [f64; 2]| {
+    let of = |p: DVec2| {
         let d = [p[0] - a[0], p[1] - a[1]];
         [d[0] * along[0] + d[1] * along[1], d[1] * along[0] - d[0] * along[1]]
     };
@@ -248,7 +249,7 @@ fn colour_cameras_are_measured_in_green() {
         assert!((streak.flux_adu / 40_000.0 - 1.0).abs() < 0.05, "{streak:?}");
         pulls.push((streak.flux_adu - 40_000.0) / streak.sigma_adu);
         for star in &stars {
-            let away = |p: &[f64; 2]| (p[0] - star[0]).hypot(p[1] - star[1]);
+            let away = |p: &DVec2| (p[0] - star[0]).hypot(p[1] - star[1]);
             let near = field.points.iter().find(|p| away(&p.place_px) < 0.5).unwrap();
             assert!((near.flux_adu / 20_000.0 - 1.0).abs() < 0.08, "{near:?}");
         }
@@ -298,7 +299,7 @@ fn clipped_pixels_are_saturation() {
         assert_eq!(streak.is_saturated, streak.ends_px[0][0] < 130.0, "{streak:?}");
     }
     for (place, flux) in &stars {
-        let away = |p: &[f64; 2]| (p[0] - place[0]).hypot(p[1] - place[1]);
+        let away = |p: &DVec2| (p[0] - place[0]).hypot(p[1] - place[1]);
         let point = field.points.iter().find(|p| away(&p.place_px) < 1.5).unwrap();
         let summit = 1000.0 + flux / (std::f64::consts::TAU * 1.6 * 1.6);
         if (summit - 1500.0).abs() > 60.0 {
@@ -333,7 +334,7 @@ fn skies_without_noise_hold_only_what_is_in_them() {
     assert_eq!(field.points.len(), stars.len(), "{:?}", field.points);
     let step_noise = 12_f64.sqrt().recip() * (4.0 * std::f64::consts::PI * 1.5 * 1.5).sqrt();
     for (place, _) in &stars {
-        let away = |p: &[f64; 2]| (p[0] - place[0]).hypot(p[1] - place[1]);
+        let away = |p: &DVec2| (p[0] - place[0]).hypot(p[1] - place[1]);
         let point = field.points.iter().find(|p| away(&p.place_px) < 0.5).unwrap();
         let ratio = point.significance / (point.flux_adu / step_noise);
         assert!((0.5..2.0).contains(&ratio), "{ratio}: {point:?}");

@@ -32,6 +32,7 @@ use crate::clock::Deadline;
 use std::fmt;
 use std::ops::ControlFlow;
 use sunglint_formats::{CountRecord, Frame};
+use sunglint_numerics::measured::Interval;
 
 /// Who a device says it is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -274,11 +275,11 @@ impl FrameType {
 #[non_exhaustive]
 pub struct Limits {
     /// Shortest and longest exposure, s.
-    pub exposure_s: Option<[f64; 2]>,
+    pub exposure_s: Option<Interval>,
     /// Least and largest gain, in the camera's own steps; `None` for a camera without.
-    pub gain: Option<[f64; 2]>,
+    pub gain: Option<Interval>,
     /// Lowest and highest temperature that the cooler takes, °C; `None` for a camera without.
-    pub temperature_c: Option<[f64; 2]>,
+    pub temperature_c: Option<Interval>,
     /// The largest binning.
     pub binning: Option<u32>,
     /// Names of the filters before it, where they are known.
@@ -416,7 +417,7 @@ pub trait PowerMeter: Device {
 /// A stage that turns. Angles are absolute, in degrees, and grow in the direction that the stage's configuration names.
 pub trait RotationStage: Device {
     /// The angles between which it may stand, deg; `None` if it turns freely.
-    fn travel_deg(&self) -> Option<[f64; 2]>;
+    fn travel_deg(&self) -> Option<Interval>;
 
     /// Where it stands, deg.
     ///

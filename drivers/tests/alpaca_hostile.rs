@@ -335,14 +335,14 @@ fn rates_and_equinoxes_are_told_apart() {
     assert_eq!(of(r#"[{"Minimum":-5,"Maximum":1e9}]"#), MountRates::Absent);
     assert_eq!(
         of(r#"[{"Minimum":0.0,"Maximum":1.0},{"Minimum":1.0,"Maximum":4.0}]"#),
-        MountRates::Continuous { most_deg_s: [4.0, 4.0] }
+        MountRates::Continuous { most_deg_s: [4.0, 4.0].into() }
     );
     // A range within another one leaves no gap behind it.
     assert_eq!(
         of(
             r#"[{"Minimum":0.0,"Maximum":5.0},{"Minimum":1.0,"Maximum":2.0},{"Minimum":4.0,"Maximum":6.0}]"#
         ),
-        MountRates::Continuous { most_deg_s: [6.0, 6.0] }
+        MountRates::Continuous { most_deg_s: [6.0, 6.0].into() }
     );
     let plain = with("[]", "1");
     let abilities = mount_of(&plain).abilities().clone();

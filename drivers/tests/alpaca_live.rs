@@ -60,7 +60,7 @@ fn a_visit_slews_syncs_follows_rates_stops_and_parks() {
     assert_eq!(who.vendor, "ASCOM Alpaca");
     let abilities = mount.abilities().clone();
     assert_eq!(abilities.axes, MountAxes::Equatorial);
-    assert_eq!(abilities.continuous_deg_s(), Some([10.0, 10.0]));
+    assert_eq!(abilities.continuous_deg_s(), Some([10.0, 10.0].into()));
     assert!(abilities.parks && abilities.syncs && !abilities.tells_pier_side);
     assert!(!abilities.may_turn_over());
     // It starts parked, and refuses to go.

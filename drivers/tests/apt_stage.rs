@@ -103,7 +103,8 @@ fn models_have_their_scales() {
 fn what_goes_wrong_is_named_and_it_stands_then() {
     let clock = clock();
     let limited = AptSettings { limits: Some([-2_100_000, 1_000_000]), ..AptSettings::default() };
-    let settings = StageSettings { travel_deg: Some([-5.0, 90.0]), ..StageSettings::default() };
+    let settings =
+        StageSettings { travel_deg: Some([-5.0, 90.0].into()), ..StageSettings::default() };
     let mut stage = open(&clock, limited, settings);
     stage.home(&after(&clock, 60)).unwrap();
     let error = stage.move_to(90.1, &after(&clock, 60)).unwrap_err();

@@ -248,7 +248,7 @@ fn a_rotator_and_a_wheel() {
         let mut rotator =
             open_rotator(server.connect(), ROTATOR, RotatorSettings::default(), &within(20.0))
                 .unwrap();
-        assert_eq!(rotator.travel_deg(), Some([0.0, 360.0]));
+        assert_eq!(rotator.travel_deg(), Some([0.0, 360.0].into()));
         assert_eq!(rotator.move_to(10.5, &within(15.0)).unwrap(), 10.5);
         assert_eq!(rotator.angle_deg(&within(5.0)).unwrap(), 10.5);
         let out = rotator.move_to(400.0, &within(5.0)).unwrap_err();

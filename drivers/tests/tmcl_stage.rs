@@ -218,7 +218,7 @@ fn a_motor_that_cannot_be_stopped_is_told() {
 #[test]
 fn limits_of_travel_are_refused_before_anything_moves() {
     let settings = StageSettings {
-        travel_deg: Some([0.0, 180.0]),
+        travel_deg: Some([0.0, 180.0].into()),
         approach: Approach::FromBelow { by_deg: 2.0 },
         inverted: true,
         ..StageSettings::default()

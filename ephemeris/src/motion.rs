@@ -8,6 +8,7 @@ use crate::geometry::{Geometry, GeometryError};
 use crate::orbit::Orbit;
 use glam::DVec3;
 use hifitime::Epoch;
+use sunglint_numerics::axes::Axes;
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::sky::Observer;
 
@@ -80,9 +81,9 @@ pub fn horizontal_axes(axes: DVec3, latitude_deg: f64) -> DVec3 {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisMotion {
     /// First angle (azimuth from north to east, or hour angle to the west), −180 to 180, and second (altitude, declination), deg.
-    pub angle_deg: [f64; 2],
+    pub angle_deg: Axes,
     /// Rates, deg/s. The first grows without bound towards the pole of the axes.
-    pub deg_s: [f64; 2],
+    pub deg_s: Axes,
 }
 
 impl AxisMotion {
@@ -94,8 +95,11 @@ impl AxisMotion {
         let first = (per_s.x * axes.y - axes.x * per_s.y) / flat2;
         let second = (per_s.z - outward * axes.z / length) / flat;
         Self {
-            angle_deg: [axes.x.atan2(axes.y).to_degrees(), axes.z.atan2(flat).to_degrees()],
-            deg_s: [first.to_degrees(), second.to_degrees()],
+            angle_deg: Axes::new(
+                axes.x.atan2(axes.y).to_degrees(),
+                axes.z.atan2(flat).to_degrees(),
+            ),
+            deg_s: Axes::new(first.to_degrees(), second.to_degrees()),
         }
     }
 }

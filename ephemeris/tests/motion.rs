@@ -151,7 +151,7 @@ for days in times.split(','):
             (0..2).all(|i| (got[i] - truth[i]).abs() < part * whole)
         };
         let [h, e] = [horizontal, equatorial];
-        assert!(near(h.deg_s, &row[2..4], h.angle_deg[1]), "{epoch} {h:?} {row:?}");
-        assert!(near(e.deg_s, &row[4..6], e.angle_deg[1]), "{epoch} {e:?} {row:?}");
+        assert!(near(h.deg_s.to_array(), &row[2..4], h.angle_deg[1]), "{epoch} {h:?} {row:?}");
+        assert!(near(e.deg_s.to_array(), &row[4..6], e.angle_deg[1]), "{epoch} {e:?} {row:?}");
     }
 }

@@ -7,11 +7,68 @@
 //! Places in pixels count from 0 at the middle of the first pixel; the cards count from 1.
 
 use crate::fits::Header;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// Polynomials of TPV stop here: the terms of third order.
 const TPV_TERMS: usize = 11;
 /// Orders of SIP that are read at most.
 const MOST_SIP: usize = 9;
+
+/// Right ascension and declination, in the frame that the context names. Written as a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(into = "[f64; 2]", from = "[f64; 2]")]
+pub struct Equatorial {
+    /// Right ascension, degrees; in [0, 360) where it is a result.
+    pub ra_deg: f64,
+    /// Declination, degrees.
+    pub dec_deg: f64,
+}
+
+impl Equatorial {
+    /// The unit vector.
+    pub fn direction(self) -> DVec3 {
+        let (sin_ra, cos_ra) = self.ra_deg.to_radians().sin_cos();
+        let (sin_dec, cos_dec) = self.dec_deg.to_radians().sin_cos();
+        DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+    }
+
+    /// Converts a vector of any length; right ascension is 0 at the poles.
+    pub fn of_direction(direction: DVec3) -> Self {
+        let DVec3 { x, y, z } = direction;
+        Self { ra_deg: circle_deg(y.atan2(x)), dec_deg: z.atan2(x.hypot(y)).to_degrees() }
+    }
+
+    /// Whether both are finite.
+    pub fn is_finite(self) -> bool {
+        self.ra_deg.is_finite() && self.dec_deg.is_finite()
+    }
+
+    /// Right ascension and declination, degrees.
+    pub const fn to_array(self) -> [f64; 2] {
+        [self.ra_deg, self.dec_deg]
+    }
+}
+
+impl From<[f64; 2]> for Equatorial {
+    /// Takes the right ascension first.
+    fn from([ra_deg, dec_deg]: [f64; 2]) -> Self {
+        Self { ra_deg, dec_deg }
+    }
+}
+
+impl From<Equatorial> for [f64; 2] {
+    fn from(place: Equatorial) -> Self {
+        place.to_array()
+    }
+}
+
+/// Radians to degrees in [0, 360).
+pub fn circle_deg(angle_rad: f64) -> f64 {
+    let degrees = angle_rad.to_degrees().rem_euclid(360.0);
+    // A tiny negative angle rounds up to 360 itself.
+    if degrees < 360.0 { degrees } else { 0.0 }
+}
 
 /// Relation of distance from the pole and native latitude.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,13 +127,14 @@ pub struct Wcs {
 }
 
 impl Wcs {
-    /// Makes the coordinates of a tangential projection without distortion: the reference in deg (right ascension, declination), its pixel counted from 0, and the change of
+    /// Makes the coordinates of a tangential projection without distortion: the reference in deg, its pixel counted from 0, and the change of
     /// the tangential coordinates (east, north) for a column and a row, deg/px. `None` for a matrix that cannot be inverted, or a number that is not finite.
     pub fn tangential(
-        reference_deg: [f64; 2],
-        reference_px: [f64; 2],
+        reference_deg: Equatorial,
+        reference_px: DVec2,
         matrix: [[f64; 2]; 2],
     ) -> Option<Self> {
+        let (reference_deg, reference_px) = (reference_deg.to_array(), reference_px.to_array());
         let inverse = inverted(matrix)?;
         let finite = reference_deg.iter().chain(&reference_px).all(|v| v.is_finite());
         finite.then_some(Self {
@@ -188,7 +246,7 @@ impl Wcs {
     }
 
     /// Right ascension (0 to 360) and declination of a place in pixels, deg; `None` where the projection has none.
-    pub fn sky(&self, place_px: [f64; 2]) -> Option<[f64; 2]> {
+    pub fn sky(&self, place_px: DVec2) -> Option<Equatorial> {
         let mut u = [0, 1].map(|k| place_px[k] - self.reference_px[k]);
         if let Distortion::Sip(terms) = &self.distortion {
             let shift = [0, 1].map(|k| polynomial(&terms[k], u));
@@ -214,13 +272,13 @@ impl Wcs {
         let north = cos * sin_d + sin * cos_d * cos_n;
         let ra = self.reference_deg[0] + east.atan2(toward).to_degrees();
         let sky = [ra.rem_euclid(360.0), north.atan2(east.hypot(toward)).to_degrees()];
-        sky.iter().all(|v| v.is_finite()).then_some(sky)
+        sky.iter().all(|v| v.is_finite()).then(|| sky.into())
     }
 
     /// Place in pixels of a right ascension and declination, deg; `None` where the projection has none, or its distortion cannot be undone there.
-    pub fn pixel(&self, sky_deg: [f64; 2]) -> Option<[f64; 2]> {
-        let (sin_a, cos_a) = (sky_deg[0] - self.reference_deg[0]).to_radians().sin_cos();
-        let (sin_b, cos_b) = sky_deg[1].to_radians().sin_cos();
+    pub fn pixel(&self, sky: Equatorial) -> Option<DVec2> {
+        let (sin_a, cos_a) = (sky.ra_deg - self.reference_deg[0]).to_radians().sin_cos();
+        let (sin_b, cos_b) = sky.dec_deg.to_radians().sin_cos();
         let (sin_d, cos_d) = self.reference_deg[1].to_radians().sin_cos();
         let east = -cos_b * sin_a;
         let north = sin_b * cos_d - cos_b * sin_d * cos_a;
@@ -246,7 +304,7 @@ impl Wcs {
             u = undone(u, forward, 1e-7)?;
         }
         let place = [u[0] + self.reference_px[0], u[1] + self.reference_px[1]];
-        place.iter().all(|v| v.is_finite()).then_some(place)
+        place.iter().all(|v| v.is_finite()).then(|| place.into())
     }
 
     /// Width of a pixel at the reference, arcsec: the root of its area.

@@ -62,7 +62,7 @@ pub fn turn(
     deadline: &dyn Fn() -> Deadline,
 ) -> Result<f64, AxisError> {
     let travel = stage.travel_deg();
-    let reaches = |deg: f64| travel.is_none_or(|[least, _]| deg >= least);
+    let reaches = |deg: f64| travel.is_none_or(|travel| deg >= travel.low);
     let mut move_to = |asked_deg: f64| {
         stage.move_to(asked_deg, &deadline()).map_err(|failed| match *failed.error {
             DeviceError::Cancelled { .. } => AxisError::Stopped { asked_deg },

@@ -326,7 +326,7 @@ fn a_missing_signature_is_named() {
     assert!(sigma(&without) > 3.0 * sigma(&with));
     // A stage that does not get so far: the scan is left out and named.
     let mut kinematics = Kinematics::new(&bench(THREE_AXES));
-    kinematics.travel_deg[1] = Some([-90.0, 90.0]);
+    kinematics.travel_deg[1] = Some([-90.0, 90.0].into());
     let list = tasks(&bench(THREE_AXES), &kinematics, &planned);
     assert!(
         list.missing
@@ -403,7 +403,7 @@ fn axes_look_where_they_should() {
     }
     // An azimuth stage that turns by 90° to both sides sees the rest with the arm on the other side.
     let mut half = Kinematics::new(&bench(THREE_AXES));
-    half.travel_deg[2] = Some([-90.0, 90.0]);
+    half.travel_deg[2] = Some([-90.0, 90.0].into());
     let pose = Pose { theta_i_deg: 30.0, phi_i_deg: 0.0, theta_o_deg: 40.0, phi_o_deg: 30.0 };
     let stages = half.of(&pose).unwrap();
     assert!(stages[1].unwrap() < 0.0 && stages[2].unwrap().abs() <= 90.0);

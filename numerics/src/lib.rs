@@ -1,5 +1,6 @@
 //! Numerical methods that several crates need.
 //!
+//! - [`axes`]: a number for each of the two axes of a mount;
 //! - [`basis`]: an orthonormal basis that grows column by column;
 //! - [`bounded`]: linear least squares with lower and upper bounds;
 //! - [`gauss`]: Gauss–Legendre nodes;
@@ -10,6 +11,7 @@
 //! - [`progress`]: what long work tells whoever watches it;
 //! - [`sphere`]: directions over the whole sphere.
 
+pub mod axes;
 pub mod basis;
 pub mod bounded;
 pub mod gauss;

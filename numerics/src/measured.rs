@@ -32,6 +32,11 @@ impl Measured {
         Self { value, sigma: 0.0 }
     }
 
+    /// Returns the value, then its uncertainty.
+    pub const fn to_array(self) -> [f64; 2] {
+        [self.value, self.sigma]
+    }
+
     /// Returns the uncertainty over the value's magnitude.
     pub fn relative(&self) -> f64 {
         self.sigma / self.value.abs()
@@ -78,8 +83,13 @@ pub struct Interval {
 
 impl Interval {
     /// Joins two ends, the lower one first.
-    pub fn new(low: f64, high: f64) -> Self {
+    pub const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
+    }
+
+    /// Returns both ends, the lower one first.
+    pub const fn to_array(self) -> [f64; 2] {
+        [self.low, self.high]
     }
 
     /// Returns true for a number between the ends, or at one.
@@ -95,5 +105,120 @@ impl Interval {
     /// Returns the middle.
     pub fn middle(&self) -> f64 {
         0.5 * (self.low + self.high)
+    }
+}
+
+impl From<[f64; 2]> for Interval {
+    /// Takes the lower end first.
+    fn from([low, high]: [f64; 2]) -> Self {
+        Self { low, high }
+    }
+}
+
+impl From<[f64; 2]> for Measured {
+    /// Takes the value first, then its uncertainty.
+    fn from([value, sigma]: [f64; 2]) -> Self {
+        Self { value, sigma }
+    }
+}
+
+/// Writes and reads intervals, values with their uncertainty, and vectors in a plane as pairs of numbers: `#[serde(with = "sunglint_numerics::measured::pair")]`.
+///
+/// It serves one, one that may be missing (`Option`) and a list (`Vec`).
+///
+/// ```
+/// use sunglint_numerics::measured::{Interval, pair};
+///
+/// let nm = vec![Interval::new(300.0, 1240.0)];
+/// let json = pair::serialize(&nm, serde_json::value::Serializer)?;
+/// assert_eq!(json.to_string(), "[[300.0,1240.0]]");
+/// assert_eq!(pair::deserialize::<Vec<Interval>, _>(json)?, nm);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+pub mod pair {
+    use super::{Interval, Measured};
+    use glam::DVec2;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// A type that is written as a pair, or as several.
+    pub trait Paired: Sized {
+        /// The pairs.
+        type Pairs: Serialize + for<'de> Deserialize<'de>;
+        /// Returns the pairs.
+        fn pairs(&self) -> Self::Pairs;
+        /// Makes it of the pairs.
+        fn of(pairs: Self::Pairs) -> Self;
+    }
+
+    impl Paired for Interval {
+        type Pairs = [f64; 2];
+
+        fn pairs(&self) -> [f64; 2] {
+            [self.low, self.high]
+        }
+
+        fn of(pairs: [f64; 2]) -> Self {
+            pairs.into()
+        }
+    }
+
+    impl Paired for Measured {
+        type Pairs = [f64; 2];
+
+        fn pairs(&self) -> [f64; 2] {
+            [self.value, self.sigma]
+        }
+
+        fn of(pairs: [f64; 2]) -> Self {
+            pairs.into()
+        }
+    }
+
+    impl Paired for DVec2 {
+        type Pairs = [f64; 2];
+
+        fn pairs(&self) -> [f64; 2] {
+            self.to_array()
+        }
+
+        fn of(pairs: [f64; 2]) -> Self {
+            pairs.into()
+        }
+    }
+
+    impl<T: Paired> Paired for Option<T> {
+        type Pairs = Option<T::Pairs>;
+
+        fn pairs(&self) -> Self::Pairs {
+            self.as_ref().map(T::pairs)
+        }
+
+        fn of(pairs: Self::Pairs) -> Self {
+            pairs.map(T::of)
+        }
+    }
+
+    impl<T: Paired> Paired for Vec<T> {
+        type Pairs = Vec<T::Pairs>;
+
+        fn pairs(&self) -> Self::Pairs {
+            self.iter().map(T::pairs).collect()
+        }
+
+        fn of(pairs: Self::Pairs) -> Self {
+            pairs.into_iter().map(T::of).collect()
+        }
+    }
+
+    /// Writes the pairs.
+    pub fn serialize<T: Paired, S: Serializer>(it: &T, serializer: S) -> Result<S::Ok, S::Error> {
+        it.pairs().serialize(serializer)
+    }
+
+    /// Reads the pairs.
+    pub fn deserialize<'de, T: Paired, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<T, D::Error> {
+        T::Pairs::deserialize(deserializer).map(T::of)
     }
 }

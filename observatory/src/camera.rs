@@ -21,6 +21,7 @@ use sunglint_formats::session::{
     FILTER_DOUBTED, FLAT_LEVEL, FRAME_NUMBER, Target, TargetKind, What, is_near_level,
 };
 use sunglint_formats::toml::{Finite, Positive};
+use sunglint_numerics::measured::Interval;
 
 /// How much longer than its exposure and the longest readout so far a frame may take.
 const LATE: Duration = Duration::from_secs(5);
@@ -434,7 +435,8 @@ impl CameraWork {
     ) -> bool {
         let Some(level) = now.exposing.level_adu else { return true };
         let Some(median) = frame.median_adu() else { return false };
-        let [least, most] = limits.and_then(|limits| limits.exposure_s).unwrap_or(FLAT_S);
+        let [least, most] =
+            limits.and_then(|limits| limits.exposure_s).map_or(FLAT_S, Interval::to_array);
         let (least, most) = (least.max(FLAT_S[0]), most.min(FLAT_S[1]));
         let wanted = exposure_s * (level / median.max(1.0)).clamp(0.1, 10.0);
         let next = wanted.max(least).min(most);

@@ -7,6 +7,7 @@
 use super::night::Night;
 use super::schedule::Slot;
 use super::status::{Snapshot, Status};
+use glam::DVec2;
 use hifitime::Epoch;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
@@ -18,6 +19,7 @@ use sunglint_formats::session::{ClockState, Event, TargetKind, What};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
 use sunglint_formats::{CountRecord, Frame};
+use sunglint_radiometry::sky::AzimuthAltitude;
 use sunglint_radiometry::station::Station;
 
 /// Bunches of bins and events that wait at most.
@@ -75,7 +77,7 @@ pub enum Control {
     /// The target is kept at a place of the frame from now on.
     Keep(Click),
     /// The telescope looks by so much beside, arcsec: to the right and up in the frames of the mount's camera; without one along the growing axes.
-    Jog([f64; 2]),
+    Jog(DVec2),
     /// The mount stands until it is told to follow.
     Halt,
     /// The mount is parked until it is told to follow.
@@ -92,12 +94,12 @@ pub struct Click {
     /// Start of the frame's exposure.
     pub start: Epoch,
     /// Column and row; the first pixel's middle is 0, 0.
-    pub place_px: [f64; 2],
+    pub place_px: DVec2,
 }
 
 impl Click {
     fn text(&self) -> String {
-        let ([column, row], utc) = (self.place_px, format_utc(self.start, 3));
+        let ([column, row], utc) = (self.place_px.to_array(), format_utc(self.start, 3));
         format!("{}: column {column:.1}, row {row:.1} of the frame of {utc}", self.camera)
     }
 }
@@ -137,7 +139,7 @@ impl Control {
                 format!("{camera}: {}", parts.join(", "))
             }
             Self::Lock(click) | Self::Keep(click) => click.text(),
-            Self::Jog([first, second]) => format!("{first:+.0}″, {second:+.0}″"),
+            Self::Jog(DVec2 { x: first, y: second }) => format!("{first:+.0}″, {second:+.0}″"),
             _ => String::new(),
         }
     }
@@ -507,7 +509,7 @@ pub struct LiveFrame {
     /// The largest of its pixels, ADU.
     pub most_adu: u16,
     /// Place of the brightest spot from the frame's middle, px.
-    pub brightest_px: Option<[f64; 2]>,
+    pub brightest_px: Option<DVec2>,
 }
 
 /// Health of a device.
@@ -541,7 +543,7 @@ pub struct LiveMount {
     /// Distance of the target from where it should stand in the last frame, arcsec.
     pub seen_arcsec: Option<f64>,
     /// Azimuth and altitude where it stands, deg.
-    pub at_deg: Option<[f64; 2]>,
+    pub at_deg: Option<AzimuthAltitude>,
     /// Distance of the Sun from there, deg.
     pub sun_deg: Option<f64>,
 }

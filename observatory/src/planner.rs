@@ -11,6 +11,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, parse_utc};
+use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{
@@ -33,7 +34,7 @@ pub struct PlannerOptions {
     /// Length of the dark frames at each end, s; 0 for none.
     pub dark_s: f64,
     /// Johnson V of the stars, brightest and faintest.
-    pub star_mag: [f64; 2],
+    pub star_mag: Interval,
     /// The most air to a star.
     pub airmass: f64,
     /// Width of a star's image at half of its height, arcsec.
@@ -50,7 +51,7 @@ impl Default for PlannerOptions {
             sky_s: 20.0,
             slew_s: 30.0,
             dark_s: 60.0,
-            star_mag: [0.0, 6.0],
+            star_mag: Interval::new(0.0, 6.0),
             airmass: 2.5,
             seeing_arcsec: 2.5,
             flats_adu: None,
@@ -536,7 +537,7 @@ impl Planner<'_> {
         let moon_up = moon.horizontal.altitude_deg() > 0.0;
         let low = self.options.airmass.recip();
         let wanted = low + (1.0 - low) * (0.5 + GOLDEN * place as f64).fract();
-        let [brightest, faintest] = self.options.star_mag;
+        let [brightest, faintest] = self.options.star_mag.to_array();
         let mut offers: Vec<(usize, &Star, f64, f64)> = Vec::new();
         for (i, star) in Catalogue::embedded().stars().iter().enumerate() {
             let bright = star.v_mag.is_some_and(|v| (brightest..=faintest).contains(&v));

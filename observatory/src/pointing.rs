@@ -7,7 +7,7 @@ use sunglint_formats::Frame;
 use sunglint_formats::session::{Target, TargetKind};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
-use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Observer, Star};
+use sunglint_radiometry::sky::{AzimuthAltitude, EarthOrientation, Equatorial, Observer, Star};
 use sunglint_radiometry::station::Station;
 
 /// Follows the targets of a schedule.
@@ -112,9 +112,9 @@ impl Pointing {
         }
     }
 
-    /// Azimuth and true altitude of a target at a time, deg; `None` for one without a place.
-    pub fn horizontal_deg(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 2]> {
-        self.place(target, utc).map(|[azimuth, altitude, ..]| [azimuth, altitude])
+    /// Azimuth and true altitude of a target at a time; `None` for one without a place.
+    pub fn horizontal_deg(&mut self, target: &Target, utc: Epoch) -> Option<AzimuthAltitude> {
+        self.place(target, utc).map(|[azimuth, altitude, ..]| [azimuth, altitude].into())
     }
 
     /// Whether the Sun shines on a satellite at a time: on more than half of its disc. `None` for a target that is no satellite.

@@ -27,6 +27,7 @@ use sunglint_ephemeris::orbit::elements;
 use sunglint_formats::session::{ClockState, TargetKind};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
+use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, separation_rad};
@@ -77,7 +78,7 @@ pub struct PreflightOptions {
     /// How long opening them may take, all at once.
     pub open_within: Duration,
     /// Age at which elements are worth a warning, and at which they are useless, days.
-    pub elements_days: [f64; 2],
+    pub elements_days: Interval,
     /// The altitude below which a target is worth a warning, degrees.
     pub low_deg: f64,
     /// The distance from the Moon below which a target is worth a warning, degrees.
@@ -96,7 +97,7 @@ impl Default for PreflightOptions {
             folder: None,
             open_devices: true,
             open_within: Duration::from_millis(1500),
-            elements_days: [7.0, 60.0],
+            elements_days: Interval::new(7.0, 60.0),
             low_deg: 10.0,
             moon_deg: 10.0,
             seeing_arcsec: 2.5,
@@ -580,7 +581,7 @@ fn check_elements(
         span(age_s),
         format_utc(elements.epoch, 0)
     );
-    let [warn, useless] = options.elements_days;
+    let [warn, useless] = options.elements_days.to_array();
     if days > useless {
         found.error(about, text);
     } else if days > warn {
@@ -702,7 +703,7 @@ fn check_calibration(plan: &Plan, found: &mut Preflight) {
 enum Said {
     Camera { sensor_px: [u32; 2], limits: Option<Limits> },
     Wheel { names: Vec<String>, slots: u32 },
-    Rotator { travel_deg: Option<[f64; 2]> },
+    Rotator { travel_deg: Option<Interval> },
     Counter { channels: Vec<String>, tags: bool },
 }
 
@@ -859,10 +860,13 @@ fn check_value(
     name: &str,
     what: &str,
     value: f64,
-    range: Option<[f64; 2]>,
+    range: Option<Interval>,
     found: &mut Preflight,
 ) -> bool {
-    let Some([least, most]) = range.filter(|[least, most]| least < most) else { return true };
+    let Some(Interval { low: least, high: most }) = range.filter(|range| range.low < range.high)
+    else {
+        return true;
+    };
     if (least..=most).contains(&value) {
         return true;
     }
@@ -999,7 +1003,7 @@ fn check_wheel(
 fn check_rotator(
     rotator: &RotatorPlan,
     plan: &Plan,
-    travel_deg: Option<[f64; 2]>,
+    travel_deg: Option<Interval>,
     found: &mut Preflight,
 ) {
     let name = rotator.name.as_str();

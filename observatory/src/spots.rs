@@ -19,7 +19,7 @@ const MOST: usize = 30;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
     /// Centroid: column and row of the frame, the first pixel's middle is 0.
-    pub at_px: [f64; 2],
+    pub(crate) at_px: [f64; 2],
     /// Sum of its pixels over the sky, ADU.
     pub flux_adu: f64,
 }

@@ -1,5 +1,6 @@
 //! Live status of a night: what every thread knows of itself, as data.
 
+use glam::DVec2;
 use hifitime::Epoch;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -7,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::DeviceClock;
 use sunglint_formats::session::Trouble as DiskFault;
 use sunglint_formats::{CountRecord, Frame};
+use sunglint_radiometry::sky::AzimuthAltitude;
 
 /// Steps without a frame that are named at most.
 const EMPTY: usize = 20;
@@ -60,7 +62,7 @@ pub struct LastFrame {
     /// The largest of its pixels, ADU.
     pub most_adu: u16,
     /// The brightest spot's place from the frame's middle, columns and rows, px; `None` where nothing stands out.
-    pub brightest_px: Option<[f64; 2]>,
+    pub brightest_px: Option<DVec2>,
 }
 
 /// Where a mount stands.
@@ -73,7 +75,7 @@ pub struct MountStatus {
     /// Distance of the target from where it should stand in the last frame, arcsec.
     pub seen_arcsec: Option<f64>,
     /// Azimuth and altitude where it stands, deg.
-    pub at_deg: Option<[f64; 2]>,
+    pub at_deg: Option<AzimuthAltitude>,
     /// Distance of the Sun from there, deg.
     pub sun_deg: Option<f64>,
 }
@@ -298,7 +300,7 @@ impl LastFrame {
 
 /// The centroid of the 9 × 9 pixels around the brightest one, from the frame's middle: a hint for the person at the telescope,
 /// no measurement. Nothing where it does not stand out by more than five times the spread.
-fn brightest(frame: &Frame) -> Option<[f64; 2]> {
+fn brightest(frame: &Frame) -> Option<DVec2> {
     const HALF: usize = 4;
     let (rows, columns) = frame.pixels.dim();
     let n = frame.pixels.len() as f64;
@@ -323,7 +325,7 @@ fn brightest(frame: &Frame) -> Option<[f64; 2]> {
         y += value * row as f64;
     }
     let middle = |n: usize| (n as f64 - 1.0) / 2.0;
-    (light > 0.0).then(|| [x / light - middle(columns), y / light - middle(rows)])
+    (light > 0.0).then(|| DVec2::new(x / light - middle(columns), y / light - middle(rows)))
 }
 
 /// Returns the bytes that are free on the disk of a folder.

@@ -122,7 +122,13 @@ fn a_mount_that_is_set_up_badly_finds_the_star() {
                 let above = sky_at((row.pointing + 1e-3 * up).normalize(), middle);
                 let east = (above[0] - ra + 180.0).rem_euclid(360.0) - 180.0;
                 let up_deg = (east * dec.to_radians().cos()).atan2(above[1] - dec).to_degrees();
-                Ok(Looks { middle, sky_deg, up_deg, is_mirrored: false, scale_arcsec: 1.5 })
+                Ok(Looks {
+                    middle,
+                    sky_deg: sky_deg.into(),
+                    up_deg,
+                    is_mirrored: false,
+                    scale_arcsec: 1.5,
+                })
             };
             let mut goto = Goto {
                 site: &site(),
@@ -184,7 +190,7 @@ fn what_does_not_arrive_says_why() {
         let sky_deg = [place.ra_deg, place.dec_deg - by_deg];
         move |_: &Cancel| {
             let (up_deg, is_mirrored, scale_arcsec) = (0.0, false, 1.0);
-            Ok(Looks { middle: now, sky_deg, up_deg, is_mirrored, scale_arcsec })
+            Ok(Looks { middle: now, sky_deg: sky_deg.into(), up_deg, is_mirrored, scale_arcsec })
         }
     };
     let lost = go(&mut looks(20.0), star).unwrap_err();

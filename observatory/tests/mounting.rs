@@ -58,7 +58,7 @@ impl Stage {
         let place = site().geodetic();
         let options = TelescopeOptions::default().with(|o| {
             o.site_deg = [place.latitude_deg, place.longitude_deg];
-            o.latency_s = [0.0, 0.0];
+            o.latency_s = [0.0, 0.0].into();
             o.frame_s = 1e9;
         });
         let telescope = Telescope::new(options, clock, Arc::new(|_| None));
@@ -601,13 +601,13 @@ fn what_a_person_knows_of_a_mount_counts() {
         ..MountKnown::default()
     };
     let slow = of(slow);
-    assert_eq!(slow.continuous_deg_s(), Some([3.3, 3.3]));
+    assert_eq!(slow.continuous_deg_s(), Some([3.3, 3.3].into()));
     let sent = [0.0, 0.37, -0.39, 0.75, 0.77, -20.0]
         .map(|arcsec_s| (slow.taken_deg_s(1, arcsec_s / 3600.0) * 3.6e6).round() / 1e3);
     assert_eq!(sent, [0.0, 0.0, -0.76, 0.76, 0.77, -20.0]);
     // No more than the driver publishes.
     let fast = of(MountKnown { most_deg_s: Some(50.0), ..MountKnown::default() });
-    assert_eq!(fast.continuous_deg_s(), Some([10.0, 10.0]));
+    assert_eq!(fast.continuous_deg_s(), Some([10.0, 10.0].into()));
 }
 
 /// Truth: the rule in words: a tracker whose watchdog has gone is told so with its next sign of life; one that says that it is busy is not silent meanwhile.

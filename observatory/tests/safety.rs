@@ -251,7 +251,8 @@ fn a_southern_german_mount_never_looks_at_the_sun() {
         let guard = Guard::of(&site, mount.abilities(), cone);
         let path = || {
             let span = (clock.utc(), 10.0);
-            TargetPath::fixed([0.0, 45.0], &site, earth, span, MountAxes::Equatorial).unwrap()
+            TargetPath::fixed([0.0, 45.0].into(), &site, earth, span, MountAxes::Equatorial)
+                .unwrap()
         };
         // By night to where the Sun does not come, and then it is day.
         let dec_deg = if least_ways > 0 { -60.0 } else { 40.0 };

@@ -503,7 +503,7 @@ fn a_cloud_is_coasted_through() {
         let middle = 0.5 * pass.seconds;
         let telescope = TelescopeOptions::default().with(|o| {
             (o.axes, o.seed) = (axes, seed);
-            o.clouds_s = vec![[60.0 + middle, 65.0 + middle]];
+            o.clouds_s = vec![[60.0 + middle, 65.0 + middle].into()];
         });
         let went = follow(&pass, [1.2, -20.0], telescope, TrackOptions::default());
         let state_at = |s: f64| went.steps.iter().find(|step| step.time_s > s).unwrap().state;
@@ -664,7 +664,7 @@ fn a_german_mount_turns_over_within_a_pass() {
             let went =
                 follow_by_hand(&pass, [0.5, 10.0], telescope, track, &mut |step, frame, orders| {
                     if !kept && step.time_s > 15.0 {
-                        kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0] });
+                        kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0].into() });
                     }
                     if let (Some(frame), TrackState::Locked) = (frame, step.state)
                         && let [spot] = frame.spots.as_slice()
@@ -735,12 +735,12 @@ fn a_target_is_kept_where_a_person_wants_it() {
             TrackOptions::default(),
             &mut |step, _, orders| {
                 if !kept && step.time_s > 30.0 {
-                    kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0] });
+                    kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0].into() });
                 }
                 if !jogged && step.time_s > 90.0 {
                     jogged = orders.give(Order::Jog { arcsec: [90.0, -120.0] });
                     let middle = from - 3600.0 * Unit::Second;
-                    assert!(orders.give(Order::Lock { middle, offset_arcsec: [0.0; 2] }));
+                    assert!(orders.give(Order::Lock { middle, offset_arcsec: [0.0; 2].into() }));
                 }
                 refused.extend(orders.refusals());
             },

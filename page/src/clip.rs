@@ -30,7 +30,7 @@ pub(crate) struct ClipWish {
     /// First column and row, columns and rows of the part that is shown; without it the whole frame.
     pub part_px: Option<[usize; 4]>,
     /// Darkest and brightest value, ADU.
-    pub range_adu: [f64; 2],
+    pub(crate) range_adu: [f64; 2],
     /// Part of the range below which the stretch is a line and above which it is a logarithm; without it all is a line.
     pub soft: Option<f64>,
     /// Whether it is shown in red light.

@@ -7,6 +7,7 @@ use hifitime::Epoch;
 use serde::Serialize;
 use sunglint_formats::Frame;
 use sunglint_formats::time::format_utc;
+use sunglint_radiometry::sky::AzimuthAltitude;
 
 /// Sides of what is sent at most, px.
 const MOST_PX: usize = 2048;
@@ -43,7 +44,7 @@ pub struct FrameHeader {
     /// Filter, as the header names it.
     pub filter: Option<String>,
     /// Azimuth and altitude at which the header says that the target stood, deg.
-    pub azimuth_altitude_deg: Option<[f64; 2]>,
+    pub azimuth_altitude_deg: Option<AzimuthAltitude>,
 }
 
 /// Part of a frame that is asked for.
@@ -134,7 +135,7 @@ pub fn encode(frame: &Frame, number: u64, start: Epoch, request: &Request) -> An
         temperature_c: frame.temperature_c,
         target: text("OBJECT"),
         filter: text("FILTER"),
-        azimuth_altitude_deg: place.map(|(azimuth, altitude)| [azimuth, altitude]),
+        azimuth_altitude_deg: place.map(|(azimuth, altitude)| [azimuth, altitude].into()),
     };
     let Ok(mut json) = serde_json::to_vec(&header) else {
         return Answer::error(500, "the frame's header cannot be written as JSON");

@@ -356,7 +356,11 @@ impl LiveNight {
         let seconds = seconds.ok_or_else(|| wrong("expected the start of a frame, s"))?;
         let place_px = asked.place_px.filter(|place| place.iter().all(|x| x.is_finite()));
         let place_px = place_px.ok_or_else(|| wrong("expected a place, column and row"))?;
-        Ok(Click { camera, start: self.start()? + Duration::from_seconds(seconds), place_px })
+        Ok(Click {
+            camera,
+            start: self.start()? + Duration::from_seconds(seconds),
+            place_px: place_px.into(),
+        })
     }
 
     fn control(&self, request: &Request) -> Result<Answer, Answer> {
@@ -376,7 +380,7 @@ impl LiveNight {
             "jog" => {
                 let wrong = || Answer::error(422, "a jog is two numbers, arcsec");
                 let arcsec = asked.arcsec.filter(|way| way.iter().all(|x| x.is_finite()));
-                Control::Jog(arcsec.ok_or_else(wrong)?)
+                Control::Jog(arcsec.ok_or_else(wrong)?.into())
             }
             "halt" => Control::Halt,
             "park" => Control::Park,

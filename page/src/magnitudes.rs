@@ -197,7 +197,7 @@ impl Scale {
                 {
                     return Some(*zenith_deg);
                 }
-                let [_, altitude] = pointing.horizontal_deg(&target, utc)?;
+                let altitude = pointing.horizontal_deg(&target, utc)?.altitude_deg;
                 held = Some((target, middle_s, 90.0 - altitude));
                 Some(90.0 - altitude)
             });

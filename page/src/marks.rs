@@ -38,7 +38,7 @@ pub(crate) fn marks(frame: &Frame, station: &Station, start: Epoch) -> Result<Ma
     let options = FrameOptions::for_station(station)
         .ok_or_else(|| wrong("the station of this session has no camera"))?;
     let (aperture_px, annulus_px) =
-        (options.photometry.aperture_radius_px, options.photometry.annulus_px);
+        (options.photometry.aperture_radius_px, options.photometry.annulus_px.to_array());
     let said = |error: PhotometryError| wrong(&error.to_string());
     let mut reducer =
         FrameReducer::new(options.photometry, FrameCalibration::default()).map_err(said)?;
@@ -53,7 +53,7 @@ pub(crate) fn marks(frame: &Frame, station: &Station, start: Epoch) -> Result<Ma
     });
     Ok(MarksView {
         start_s: (frame.start - start).to_seconds(),
-        place_px: measured.place_px,
+        place_px: measured.place_px.map(|place| place.to_array()),
         aperture_px,
         annulus_px,
         fwhm_px: measured.fwhm_px,

@@ -15,7 +15,7 @@ use sunglint_observatory::planner::{
 use sunglint_observatory::{Catalogue, Level, Plan, Preflight, PreflightOptions, preflight};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::sky::{AzimuthAltitude, EarthOrientation};
 
 /// Picks of a plan at most.
 const MOST: usize = 500;
@@ -26,7 +26,7 @@ pub struct PlanPoint {
     /// When.
     pub at: Epoch,
     /// Azimuth and altitude, deg, true.
-    pub at_deg: [f64; 2],
+    pub at_deg: AzimuthAltitude,
     /// Whether the Sun shines on it.
     pub lit: bool,
     /// Whether the sky is dark.
@@ -122,7 +122,7 @@ struct PassView<'a> {
     v_mag: f64,
     highest_deg: f64,
     at_s: Vec<f64>,
-    at_deg: Vec<[f64; 2]>,
+    at_deg: Vec<AzimuthAltitude>,
     lit: Vec<bool>,
     dark: Vec<bool>,
     rates: &'a [PlanRate],

@@ -8,6 +8,7 @@ use crate::marks::marks;
 use crate::request::{Answer, Request, Source};
 use crate::rework::Rework;
 use crate::sky::{Sky, SkyTrack};
+use glam::DVec2;
 use hifitime::{Duration, Epoch};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -69,9 +70,9 @@ pub struct FibreView {
     /// Channel.
     pub channel: String,
     /// Middle, columns and rows, px.
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Half widths, px.
-    pub sigma_px: [f64; 2],
+    pub sigma_px: DVec2,
 }
 
 /// Description of a session, live or recorded.

@@ -315,7 +315,8 @@ impl CurveView {
         });
         let mut channels: Vec<ChannelView> = channels.collect();
         let found = visited.track.points.iter();
-        let found = found.filter_map(|point| Some((seconds(point.time), point.place?.offset_px)));
+        let found = found
+            .filter_map(|point| Some((seconds(point.time), point.place?.offset_px.to_array())));
         let (track_s, track_px) = found.unzip();
         let camera = night.cameras.first();
         let number = night.stays.iter().position(|stay| stay.target.on);

@@ -5,7 +5,9 @@ use serde::Serialize;
 use sunglint_formats::session::Target;
 use sunglint_observatory::Pointing;
 use sunglint_observatory::planner::{MOON_DEG, star_name};
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer, Planet};
+use sunglint_radiometry::sky::{
+    AzimuthAltitude, Catalogue, EarthOrientation, Horizontal, Observer, Planet,
+};
 use sunglint_radiometry::station::Station;
 
 /// Faintest star that is drawn, V mag.
@@ -21,7 +23,7 @@ pub struct SkyStar {
     /// Name by which a plan finds it.
     pub plan_name: String,
     /// Azimuth and altitude, deg, true.
-    pub at_deg: [f64; 2],
+    pub at_deg: AzimuthAltitude,
     /// V magnitude.
     pub v_mag: f64,
 }
@@ -32,7 +34,7 @@ pub struct SkyPlanet {
     /// Name.
     pub name: &'static str,
     /// Azimuth and altitude, deg, true.
-    pub at_deg: [f64; 2],
+    pub at_deg: AzimuthAltitude,
     /// V magnitude; `None` where nobody measured it at such a phase angle.
     pub v_mag: Option<f64>,
 }
@@ -47,15 +49,15 @@ pub struct Sky {
     /// Mercury to Saturn, where they are up.
     pub planets: Vec<SkyPlanet>,
     /// Azimuth and altitude of the Sun, deg.
-    pub sun_deg: [f64; 2],
+    pub sun_deg: AzimuthAltitude,
     /// The same of the Moon.
-    pub moon_deg: [f64; 2],
+    pub moon_deg: AzimuthAltitude,
     /// Sunlit part of the Moon.
     pub moon_lit: f64,
     /// Distance from the Moon within which the planner takes no star, deg.
     pub moon_limit_deg: f64,
     /// Name of the target and where it stands, deg.
-    pub target: Option<(String, [f64; 2])>,
+    pub target: Option<(String, AzimuthAltitude)>,
     /// Elevation of the horizon at each tenth degree of azimuth from north, deg.
     pub horizon_deg: Vec<f64>,
 }
@@ -68,13 +70,13 @@ pub struct SkyTrack {
     /// Seconds after the session's start.
     pub at_s: Vec<f64>,
     /// Azimuth and altitude, deg.
-    pub at_deg: Vec<[f64; 2]>,
+    pub at_deg: Vec<AzimuthAltitude>,
     /// Whether the Sun shines on a satellite; empty for other targets.
     pub lit: Vec<bool>,
 }
 
-fn degrees(horizontal: Horizontal) -> [f64; 2] {
-    [horizontal.azimuth_deg(), horizontal.altitude_deg()]
+fn degrees(horizontal: Horizontal) -> AzimuthAltitude {
+    [horizontal.azimuth_deg(), horizontal.altitude_deg()].into()
 }
 
 impl Sky {
@@ -91,7 +93,7 @@ impl Sky {
             let at_deg = degrees(observer.star(star).horizontal);
             let name = star.name.clone().unwrap_or_default();
             let plan_name = star_name(star);
-            (at_deg[1] > 0.0).then_some(SkyStar { name, plan_name, at_deg, v_mag })
+            (at_deg.altitude_deg > 0.0).then_some(SkyStar { name, plan_name, at_deg, v_mag })
         });
         let planets = Planet::ALL.into_iter().map(|planet| {
             let seen = observer.planet(planet);
@@ -106,7 +108,7 @@ impl Sky {
         Some(Self {
             at_s: (utc - start).to_seconds(),
             stars: stars.collect(),
-            planets: planets.filter(|planet| planet.at_deg[1] > 0.0).collect(),
+            planets: planets.filter(|planet| planet.at_deg.altitude_deg > 0.0).collect(),
             sun_deg: degrees(observer.sun().horizontal),
             moon_deg: degrees(moon.horizontal),
             moon_lit: moon.place.illuminated_fraction(),

@@ -569,7 +569,7 @@ fn aperture<'py>(
         let side = |axis| u32::try_from(pixels.len_of(ndarray::Axis(axis)));
         let mut options = PhotometryOptions::new([side(1)?, side(0)?], read_noise_e);
         options.aperture_radius_px = radius_px;
-        options.annulus_px = annulus_px;
+        options.annulus_px = annulus_px.into();
         options.fwhm_px = fwhm_px;
         let frame = Frame {
             pixels,
@@ -646,7 +646,7 @@ fn reduce(
         options.field.fwhm_px = fwhm_px;
         options.field.aperture_px = aperture_px;
         options.field.streak_sigmas = streak_sigma.unwrap_or(options.field.streak_sigmas);
-        options.place_px = place_px;
+        options.place_px = place_px.map(Into::into);
         options.parts = along;
         options.darks = darks;
         options.flats = flats;
@@ -661,9 +661,9 @@ fn reduce(
                 Some("AB" | "ab") => Some(System::AB),
                 Some(other) => return Err(unknown("catalogue_system", other, "Vega or AB")),
             };
-            stars.near_deg = near_deg;
+            stars.near_deg = near_deg.map(Into::into);
             stars.scale_arcsec = scale_arcsec;
-            stars.target_colour = target_colour;
+            stars.target_colour = target_colour.map(Into::into);
             stars.colour_term = colour_term;
             options.stars = Some(stars);
         }

@@ -49,7 +49,7 @@ fn the_built_in_station_is_the_published_one() {
     let DeadTime::NonParalysable { dead_time_s } = counter("spcm").dead_time else { panic!() };
     assert!((dead_time_s / 22e-9 - 1.0).abs() < 1e-12);
     assert_eq!(counter("id400").dark_rate_hz, 756.0);
-    assert_eq!(counter("mppc").fibre.unwrap().sigma_px, [18.213, 23.411]);
+    assert_eq!(counter("mppc").fibre.unwrap().sigma_px.to_array(), [18.213, 23.411]);
     let camera = ufo.camera.unwrap();
     assert_eq!(camera.size_px, [1391, 1039]);
     // 6.45 µm at 3 m.

@@ -8,7 +8,7 @@ use image::{Rgba, RgbaImage};
 use ndarray::ArrayView2;
 use serde::Serialize;
 use std::fmt::Write as _;
-use sunglint_calibration::photometry::field::{Field, Streak};
+use sunglint_calibration::photometry::field::{Field, StarTrails, Streak};
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, FrameSite};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
@@ -194,7 +194,7 @@ fn table(frames: &[Detected]) -> Table {
         for p in &frame.field.points {
             let remark = [(p.is_cut, "cut"), (p.is_saturated, "saturated")];
             let remark = remark.into_iter().filter(|(is, _)| *is).map(|(_, word)| word).collect();
-            let [x, y] = p.place_px;
+            let [x, y] = p.place_px.to_array();
             let none = f64::NAN;
             add(
                 frame,
@@ -260,7 +260,7 @@ pub fn text(frames: &[Detected]) -> String {
         for note in &frame.notes {
             let _ = writeln!(text, "  note: {note}");
         }
-        if let Some([length, angle]) = field.star_trails {
+        if let Some(StarTrails { length_px: length, angle_deg: angle }) = field.star_trails {
             let _ = writeln!(text, "  stars are trailed: {length:.1} px, {angle:.1}°");
         }
         if field.streaks.is_empty() {
@@ -362,7 +362,7 @@ fn picture(pixels: ArrayView2<'_, f32>, field: &Field) -> RgbaImage {
     for point in field.points.iter().take(300) {
         ring(
             &mut image,
-            point.place_px,
+            point.place_px.to_array(),
             [0.0; 2],
             (2.0 * field.fwhm_px).max(4.0 / scale),
             scale,

@@ -2,11 +2,13 @@
 
 use crate::Product;
 use crate::plot::{Axis, Figure, Panel, Series};
+use glam::DVec2;
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_calibration::reduction::folder::{Folder, Shape, StarsUse, TargetFrame};
 use sunglint_calibration::reduction::sight::{Sight, SightedObject};
 use sunglint_formats::time::format_utc;
+use sunglint_formats::wcs::Equatorial;
 use sunglint_formats::{Column, ParseError, Table};
 
 /// Name of the light curve's file in a folder.
@@ -55,7 +57,7 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
         sigma_mag: f64,
         own_sigma_mag: f64,
         zero_sigma_mag: f64,
-        sky_deg: Option<[f64; 2]>,
+        sky_deg: Option<Equatorial>,
         sight: Option<Sight>,
     }
     let mut lines = Vec::new();
@@ -98,8 +100,8 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
             number("sigma_mag", "mag", &|l| l.sigma_mag),
             number("photon_sigma_mag", "mag", &|l| l.own_sigma_mag),
             number("zero_point_sigma_mag", "mag", &|l| l.zero_sigma_mag),
-            number("ra_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s[0])),
-            number("dec_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s[1])),
+            number("ra_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s.ra_deg)),
+            number("dec_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s.dec_deg)),
         ],
         ..Table::default()
     };
@@ -205,7 +207,9 @@ pub fn score(folder: &Folder, observer: &Observer) -> Result<Option<Vec<u8>>, cs
             continue;
         };
         any = true;
-        let place = |k: usize| frame.sky_deg.map_or(String::new(), |sky| format!("{:.6}", sky[k]));
+        let place = |k: usize| {
+            frame.sky_deg.map_or(String::new(), |sky| format!("{:.6}", sky.to_array()[k]))
+        };
         let half = 0.5 * frame.dwell_s.unwrap_or(frame.exposure_s);
         let empty = String::new;
         writer.write_record([
@@ -317,7 +321,7 @@ fn counts<K: AsRef<str>>(map: &std::collections::BTreeMap<K, usize>) -> Vec<Coun
 struct Document<'a> {
     target: &'a str,
     chosen_by: &'a str,
-    motion_px_per_s: Option<[f64; 2]>,
+    motion_px_per_s: Option<DVec2>,
     is_instrumental: bool,
     used: Vec<Count<'a>>,
     left_out: Vec<Count<'a>>,
@@ -386,8 +390,8 @@ fn table(folder: &Folder) -> Table {
             number("significance", None, &|f| Some(f.significance)),
             number("rate_adu_per_s", Some("adu / s"), &|f| f.rate_adu_per_s),
             number("sigma_adu_per_s", Some("adu / s"), &|f| f.sigma_adu_per_s),
-            number("ra_deg", Some("deg"), &|f| f.sky_deg.map(|s| s[0])),
-            number("dec_deg", Some("deg"), &|f| f.sky_deg.map(|s| s[1])),
+            number("ra_deg", Some("deg"), &|f| f.sky_deg.map(|s| s.ra_deg)),
+            number("dec_deg", Some("deg"), &|f| f.sky_deg.map(|s| s.dec_deg)),
             number("zero_point_mag", Some("mag"), &|f| f.zero_point.map(|z| z.mag)),
             number("zero_point_sigma_mag", Some("mag"), &|f| f.zero_point.map(|z| z.sigma_mag)),
             number("zero_point_stars", None, &|f| f.zero_point.map(|z| z.stars as f64)),
@@ -412,7 +416,7 @@ pub fn text(folder: &Folder, name: &str) -> String {
         let _ = writeln!(text, "  note ({n} of the frames): {note}");
     }
     let _ = writeln!(text, "target chosen by {}", folder.chosen_by);
-    if let Some([x, y]) = folder.motion_px_per_s {
+    if let Some(DVec2 { x, y }) = folder.motion_px_per_s {
         let _ = writeln!(text, "motion {x:.4} columns and {y:.4} rows a second");
     }
     let has = folder.has_magnitudes();

@@ -7,6 +7,7 @@ use std::path::Path;
 use sunglint_formats::photometry::Import;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Meta, Table, Values};
+use sunglint_numerics::measured::{Interval, pair};
 
 /// The quantity that a column was taken for.
 #[derive(Debug, Clone, Serialize)]
@@ -42,7 +43,8 @@ pub struct Summary {
     /// Last moment, UTC.
     pub to_utc: Option<String>,
     /// Brightest and faintest magnitude.
-    pub magnitudes: Option<[f64; 2]>,
+    #[serde(with = "pair")]
+    pub magnitudes: Option<Interval>,
     /// True where the zero point is unknown.
     pub is_relative: bool,
     /// Sessions that the file names.
@@ -87,7 +89,7 @@ impl Summary {
             with_magnitude: finite().count(),
             from_utc: times().min().map(|t| format_utc(t, 3)),
             to_utc: times().max().map(|t| format_utc(t, 3)),
-            magnitudes: range[0].is_finite().then_some(range),
+            magnitudes: range[0].is_finite().then(|| range.into()),
             is_relative: s.is_relative,
             sessions: different(&s.session).len(),
             filters: different(&s.filter),
@@ -122,7 +124,7 @@ impl Summary {
         if let (Some(from), Some(to)) = (&self.from_utc, &self.to_utc) {
             line("times", format!("{from} to {to}"));
         }
-        if let Some([low, high]) = self.magnitudes {
+        if let Some(Interval { low, high }) = self.magnitudes {
             let relative = if self.is_relative { ", zero point unknown" } else { "" };
             line("magnitudes", format!("{low:.3} to {high:.3}{relative}"));
         }

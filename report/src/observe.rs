@@ -23,7 +23,7 @@ pub fn status_text(snapshot: &Snapshot) -> String {
         if let Some(frame) = &device.frame {
             let _ =
                 write!(text, " #{} {:.0}..{} ADU", frame.number, frame.mean_adu, frame.most_adu);
-            if let Some([x, y]) = frame.brightest_px {
+            if let Some(glam::DVec2 { x, y }) = frame.brightest_px {
                 let _ = write!(text, " at {x:+.1} {y:+.1} px");
             }
         }

@@ -4,6 +4,8 @@ use crate::Product;
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
+use sunglint_numerics::axes::Axes;
+use sunglint_numerics::measured::{Interval, pair};
 use sunglint_observatory::telescope::{PassPlan, TrackState, TrackStep, TrackSummary};
 
 /// Result of following one target.
@@ -17,7 +19,8 @@ pub struct TrackReport {
     /// How it went; nothing of a plan alone.
     pub went: Option<TrackSummary>,
     /// Spans in which a German mount was turned over: when it left the target and when it had it again, seconds of the path.
-    pub turned_s: Vec<[f64; 2]>,
+    #[serde(with = "pair")]
+    pub turned_s: Vec<Interval>,
     /// Root mean square distance of the mount from where the target was believed to be, arcsec, from 5 s after the begin on, without the turns.
     pub rms_error_arcsec: Option<f64>,
     /// Root mean square distance of the target from the telescope's axis, arcsec, from 5 s after the lock on, without the turns: a virtual telescope knows it.
@@ -111,8 +114,8 @@ impl TrackReport {
                     writeln!(text, "target found at {locked_s:.1} s, seen in {} frames", went.seen);
             }
         }
-        for [from_s, to_s] in &self.turned_s {
-            let lost_s = to_s - from_s;
+        for turn in &self.turned_s {
+            let (from_s, lost_s) = (turn.low, turn.width());
             let _ = writeln!(
                 text,
                 "turned over at {from_s:.0} s, on the target again after {lost_s:.0} s"
@@ -141,18 +144,18 @@ impl TrackReport {
 const HAD_ARCSEC: f64 = 30.0;
 
 /// Spans in which a mount that follows since `began_s` was turned over: until the target is locked again, or the mount is on the prediction.
-pub fn turned_s(steps: &[TrackStep], began_s: f64) -> Vec<[f64; 2]> {
-    let mut turns: Vec<[f64; 2]> = Vec::new();
+pub fn turned_s(steps: &[TrackStep], began_s: f64) -> Vec<Interval> {
+    let mut turns: Vec<Interval> = Vec::new();
     let mut is_open = false;
     for step in steps.iter().filter(|step| step.time_s >= began_s) {
         let has = matches!(step.state, TrackState::Locked | TrackState::Predicted)
             && step.error_arcsec < HAD_ARCSEC;
         if step.state == TrackState::Slewing && !is_open {
-            turns.push([step.time_s; 2]);
+            turns.push(Interval::new(step.time_s, step.time_s));
             is_open = true;
         }
         if let (true, Some(turn)) = (is_open, turns.last_mut()) {
-            turn[1] = step.time_s;
+            turn.high = step.time_s;
             is_open = !has;
         }
     }
@@ -160,8 +163,8 @@ pub fn turned_s(steps: &[TrackStep], began_s: f64) -> Vec<[f64; 2]> {
 }
 
 /// Whether a time lies within a span.
-pub fn is_within(spans_s: &[[f64; 2]], time_s: f64) -> bool {
-    spans_s.iter().any(|[from_s, to_s]| (*from_s..=*to_s).contains(&time_s))
+pub fn is_within(spans_s: &[Interval], time_s: f64) -> bool {
+    spans_s.iter().any(|span| span.contains(time_s))
 }
 
 fn state(state: TrackState) -> &'static str {
@@ -183,19 +186,19 @@ pub fn plan_text(plan: &PassPlan, mount: &str) -> String {
     };
     let mut text = format!("{} with {mount}\n", plan.target);
     let pair =
-        |angle: [f64; 2]| format!("{} {:.2}°, {} {:+.2}°", names[0], angle[0], names[1], angle[1]);
+        |angle: Axes| format!("{} {:.2}°, {} {:+.2}°", names[0], angle[0], names[1], angle[1]);
     let _ = writeln!(text, "  from {}  {}", plan.from_utc, pair(plan.begin_deg));
     let _ = writeln!(text, "  to   {}  {}", plan.to_utc, pair(plan.end_deg));
     let _ = writeln!(text, "  highest {:.1}°", plan.highest_deg);
-    let [first, second] = plan.fastest_deg_s;
+    let [first, second] = plan.fastest_deg_s.to_array();
     let _ = write!(text, "  fastest {} {first:.3} °/s, {} {second:.3} °/s", names[0], names[1]);
     match plan.mount_deg_s {
-        Some([a, b]) => {
+        Some(Axes { first: a, second: b }) => {
             let _ = writeln!(text, "; the mount does {a:.2} and {b:.2} °/s");
         }
         None => text.push_str("; the mount takes no rates: it cannot follow\n"),
     }
-    if let Some([a, b]) = plan.slew_deg {
+    if let Some(Axes { first: a, second: b }) = plan.slew_deg {
         let over = if plan.detour { ", over another place to keep off the Sun" } else { "" };
         let _ = writeln!(text, "  slew by {} {a:.1}°, {} {b:.1}°{over}", names[0], names[1]);
     }

@@ -242,7 +242,10 @@ impl Opened {
             }
         }
         made["meter"] = rig::describe(self.meter.as_mut(), clock)?;
-        let travel = self.stages.each_ref().map(|s| s.as_ref().and_then(|s| s.travel_deg()));
+        let travel = self
+            .stages
+            .each_ref()
+            .map(|s| s.as_ref().and_then(|s| s.travel_deg().map(|t| t.to_array())));
         made["travel_deg"] = json!(travel);
         Ok(made)
     }

@@ -14,6 +14,7 @@ use sunglint_drivers::device::{
     Camera, Device, DeviceError, Focuser, Identity, Interrupted, Origin, Setting, Value, Window,
 };
 use sunglint_formats::{Frame, fits::Header};
+use sunglint_numerics::measured::Interval;
 
 const FOCUSER: &str = "virtual focuser";
 const CAMERA: &str = "virtual camera";
@@ -47,7 +48,7 @@ pub struct FocusOptions {
     /// Stars.
     pub stars: usize,
     /// Photons of the faintest and of the brightest star, 1/s.
-    pub flux_e_s: [f64; 2],
+    pub flux_e_s: Interval,
     /// Sky, photons/s in a pixel.
     pub sky_e_s: f64,
     /// Noise of the reading, e.
@@ -73,7 +74,7 @@ impl Default for FocusOptions {
             obstruction: 0.35,
             seeing_px: 3.0,
             stars: 12,
-            flux_e_s: [4000.0, 40_000.0],
+            flux_e_s: Interval::new(4000.0, 40_000.0),
             sky_e_s: 20.0,
             read_noise_e: 3.0,
             hot_pixels: 0,
@@ -130,7 +131,7 @@ impl FocusBench {
     pub fn new(options: FocusOptions, clock: DeviceClock) -> Self {
         let mut random = stream(options.seed, Purpose::Stars, 0);
         let [columns, rows] = options.size_px.map(f64::from);
-        let [faint, bright] = options.flux_e_s;
+        let [faint, bright] = options.flux_e_s.to_array();
         let star = |_| {
             let (x, y): (f64, f64) = (random.random(), random.random());
             let part: f64 = random.random();

@@ -16,6 +16,7 @@ use sunglint_drivers::device::{
     MountClock, MountKnown, MountMotion, MountPlace, MountRates, MountReading, MountSite,
     MountTime, Origin, PierSide, Setting, Spot, Value,
 };
+use sunglint_numerics::measured::{Interval, Measured};
 
 const DEVICE: &str = "virtual mount";
 /// One second of arc, rad.
@@ -65,7 +66,7 @@ pub struct TelescopeOptions {
     /// Shaking by the wind, arcsec rms on each axis, with a memory of a second.
     pub wind_arcsec: f64,
     /// Time from a command to its effect, s, and its jitter (1 σ).
-    pub latency_s: [f64; 2],
+    pub latency_s: Measured,
     /// Part of the commands that are lost.
     pub dropped: f64,
     /// Half the width of the finder's field, deg.
@@ -79,7 +80,7 @@ pub struct TelescopeOptions {
     /// Part of the frames that are lost.
     pub lost_frames: f64,
     /// Spans without sight (cloud), seconds from the start.
-    pub clouds_s: Vec<[f64; 2]>,
+    pub clouds_s: Vec<Interval>,
     /// Stars of the field for each square degree, and their brightness against the target's.
     pub stars: (f64, f64),
     /// Seed of everything random.
@@ -106,7 +107,7 @@ impl Default for TelescopeOptions {
             encoder_arcsec: 0.3,
             tilt_arcsec: 60.0,
             wind_arcsec: 0.6,
-            latency_s: [0.2, 0.02],
+            latency_s: Measured::new(0.2, 0.02),
             dropped: 0.0,
             field_deg: 2.0,
             seeing_arcsec: 2.0,
@@ -287,7 +288,7 @@ impl Telescope {
     pub fn mount(&self) -> VirtualMount {
         let tube = self.lock();
         let most = tube.options.fastest_deg_s;
-        let rates = MountRates::Continuous { most_deg_s: [most, most] };
+        let rates = MountRates::Continuous { most_deg_s: [most, most].into() };
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
         abilities.tells_pier_side = tube.side().is_some();
@@ -513,7 +514,7 @@ impl Tube {
             let off = ahead.cross(target).length().atan2(ahead.dot(target)) / ARCSEC_RAD;
             self.truth.push(TruthRow { time_s: self.now_s, off_arcsec: off, pointing: ahead, lit });
         }
-        let cloudy = self.options.clouds_s.iter().any(|[a, b]| (*a..*b).contains(&self.now_s));
+        let cloudy = self.options.clouds_s.iter().any(|c| (c.low..c.high).contains(&self.now_s));
         let lost = self.random.random::<f64>() < self.options.lost_frames;
         if lost {
             return;
@@ -551,12 +552,13 @@ impl Tube {
             }) {
                 Some(spot) => {
                     let whole = spot.flux + flux;
-                    for (own, other) in spot.offset_arcsec.iter_mut().zip(offset_arcsec) {
-                        *own = (*own * spot.flux + other * flux) / whole;
+                    for axis in 0..2 {
+                        let own = spot.offset_arcsec[axis] * spot.flux;
+                        spot.offset_arcsec[axis] = (own + offset_arcsec[axis] * flux) / whole;
                     }
                     spot.flux = whole;
                 }
-                None => spots.push(Spot { offset_arcsec, flux }),
+                None => spots.push(Spot { offset_arcsec: offset_arcsec.into(), flux }),
             }
         }
         spots.sort_by(|a, b| b.flux.total_cmp(&a.flux));
@@ -578,7 +580,7 @@ impl Tube {
         if lost && matches!(command, Command::Rates(_)) {
             return;
         }
-        let [latency, sigma] = self.options.latency_s;
+        let [latency, sigma] = self.options.latency_s.to_array();
         let at = self.now_s + (latency + sigma * jitter).max(0.0);
         // A command does not overtake the one before.
         let at = self.queue.back().map_or(at, |(last, _)| at.max(*last));

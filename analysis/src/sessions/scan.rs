@@ -67,7 +67,7 @@ pub(super) struct Fit {
     /// Sum of weighted squares that is left.
     pub chi2: f64,
     /// Coefficients [cos, sin] of the harmonics, from the first.
-    pub harmonics: Vec<[f64; 2]>,
+    pub(crate) harmonics: Vec<[f64; 2]>,
     /// Zero point of each session.
     pub zero: Vec<f64>,
 }

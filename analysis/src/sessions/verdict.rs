@@ -6,7 +6,7 @@ use crate::period::FrequencyGrid;
 use crate::period::sums::turns;
 use serde::Serialize;
 use std::ops::Range;
-use sunglint_numerics::measured::Interval;
+use sunglint_numerics::measured::{Interval, pair};
 use sunglint_numerics::order::{median, robust_sigma};
 use sunglint_numerics::progress::{Cancelled, Progress};
 
@@ -216,7 +216,8 @@ pub struct SessionFound {
     /// Samples that count.
     pub samples: usize,
     /// First and last moment, s.
-    pub from_to_s: [f64; 2],
+    #[serde(with = "pair")]
+    pub from_to_s: Interval,
     /// Zero point with the best period, mag; `None` where the session was left out.
     pub zero_mag: Option<f64>,
     /// Robust scatter about the best model, mag.
@@ -236,7 +237,8 @@ pub struct SessionPeriods {
     /// The same as a kind with its numbers.
     pub because: Option<Reason>,
     /// The shortest and the longest period that were looked for, s.
-    pub searched_s: Option<[f64; 2]>,
+    #[serde(with = "pair")]
+    pub searched_s: Option<Interval>,
     /// Number of frequencies.
     pub frequencies: usize,
     /// Δ from the best period to the best one that differs by more than 1 %: of four, six and eight harmonics.
@@ -422,7 +424,7 @@ fn taken(sessions: &[Session]) -> Result<Taken, SessionsError> {
         found.push(SessionFound {
             name: session.name.clone(),
             samples: pairs.len(),
-            from_to_s: ends,
+            from_to_s: ends.into(),
             zero_mag: None,
             scatter_mag: None,
         });
@@ -542,7 +544,7 @@ pub fn search(
     }
     let grid = FrequencyGrid { first_hz, step_hz, n };
     answer.frequencies = n;
-    answer.searched_s = Some([shortest_s, longest_s]);
+    answer.searched_s = Some(Interval::new(shortest_s, longest_s));
     let rows = if rows.len() > MOST_ROWS {
         binned(&rows, shortest_s / (BINS_PER_TURN * MOST as f64))
     } else {

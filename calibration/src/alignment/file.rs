@@ -38,8 +38,10 @@ pub fn read_fibres(path: &Path) -> Result<Fibres, FileError> {
     let file: FibreFile = document.parse()?;
     let fibre = |(name, table): (String, FibreTable)| {
         let FibreTable { offset_px, sigma_px, .. } = table;
-        let fibre =
-            Fibre { offset_px: offset_px.map(Finite::get), sigma_px: sigma_px.map(Positive::get) };
+        let fibre = Fibre {
+            offset_px: offset_px.map(Finite::get).into(),
+            sigma_px: sigma_px.map(Positive::get).into(),
+        };
         (name, fibre)
     };
     Ok(file.fibre.into_iter().map(fibre).collect())
@@ -79,7 +81,10 @@ mod tests {
         let good = "[fibre.spcm]\noffset_px = [-1.5, 8]\nsigma_px = [14.5, 16.8]\noffset_uncertainty_px = [0.1, 0.1]\n";
         std::fs::write(&path, good).unwrap();
         let fibres = read_fibres(&path).unwrap();
-        assert_eq!(fibres["spcm"], Fibre { offset_px: [-1.5, 8.0], sigma_px: [14.5, 16.8] });
+        assert_eq!(
+            fibres["spcm"],
+            Fibre { offset_px: [-1.5, 8.0].into(), sigma_px: [14.5, 16.8].into() }
+        );
         std::fs::write(&path, good.replace("16.8", "0")).unwrap();
         let error = read_fibres(&path).unwrap_err().to_string();
         assert!(error.contains("fibre.toml:3") && error.contains("sigma_px"), "{error}");

@@ -5,9 +5,11 @@
 
 use super::FieldPoint;
 use super::correlated::{long_run, reach, sequences};
+use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use sunglint_numerics::least_squares::{Descent, Limits, Normal, minimise};
+use sunglint_numerics::measured::Measured;
 use sunglint_numerics::order::robust_sigma;
 use sunglint_radiometry::station::Fibre;
 
@@ -52,18 +54,18 @@ pub enum FitError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldFit {
     /// Centre of the field from the frame's centre, px.
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Standard deviations of the field along its own axes, px.
-    pub sigma_px: [f64; 2],
+    pub sigma_px: DVec2,
     /// How far its first axis is turned from the frame's columns towards its rows, degrees, −45 to 45; 0 where no rotation was fitted.
     pub angle_deg: f64,
     /// Covariance of x₀, y₀, σ_x, σ_y (px) and the angle (deg): by the points' own scatter, and where they err together as much wider; zeros for an angle
     /// that was not fitted.
     pub covariance: [[f64; 5]; 5],
     /// Rate of each star at the centre and its standard uncertainty, Hz; stars in increasing number.
-    pub amplitudes_hz: Vec<(usize, [f64; 2])>,
+    pub amplitudes_hz: Vec<(usize, Measured)>,
     /// Background and its standard uncertainty, Hz; zeros where none was fitted.
-    pub background_hz: [f64; 2],
+    pub background_hz: Measured,
     /// Scatter of the points about the fit over their stated uncertainty: above 1 where scintillation, ghosts or places are worse than stated.
     pub scatter: f64,
     /// Over how many points of a star, in their order, residuals are alike; 0 where each errs for itself.
@@ -83,23 +85,22 @@ impl FieldFit {
     /// The field along the frame's axes, as a station has it: of a turned one its widths in columns and rows, whose correlation a station cannot hold.
     pub fn fibre(&self) -> Fibre {
         let (sin, cos) = self.angle_deg.to_radians().sin_cos();
-        let [u, v] = self.sigma_px;
-        let sigma_px = [(u * cos).hypot(v * sin), (u * sin).hypot(v * cos)];
+        let [u, v] = self.sigma_px.to_array();
+        let sigma_px = DVec2::new((u * cos).hypot(v * sin), (u * sin).hypot(v * cos));
         Fibre { offset_px: self.offset_px, sigma_px }
     }
 
     /// The field at a point, against its centre, and spread by what is not known of the place.
     pub fn profile(&self, point: &FieldPoint) -> f64 {
-        let [x, y] = self.offset_px;
-        let [u, v] = self.sigma_px;
+        let [x, y] = self.offset_px.to_array();
+        let [u, v] = self.sigma_px.to_array();
         profile(&[x, y, u.ln(), v.ln(), self.angle_deg.to_radians()], point)
     }
 
     /// Returns the rate that the fit gives at a point, Hz; `None` for a star that was not in it.
     pub fn rate_hz(&self, point: &FieldPoint) -> Option<f64> {
-        let (_, [amplitude, _]) =
-            self.amplitudes_hz.iter().find(|(star, _)| *star == point.star)?;
-        Some(amplitude * self.profile(point) + self.background_hz[0])
+        let (_, amplitude) = self.amplitudes_hz.iter().find(|(star, _)| *star == point.star)?;
+        Some(amplitude.value * self.profile(point) + self.background_hz.value)
     }
 }
 
@@ -413,10 +414,10 @@ impl Problem<'_> {
             }
         }
         let first = n - self.stars;
-        let measured = |k: usize| [at[k], covariance(k, k).sqrt()];
+        let measured = |k: usize| Measured::new(at[k], covariance(k, k).sqrt());
         Ok(FieldFit {
-            offset_px: [shape[0], shape[1]],
-            sigma_px: [factor[2], factor[3]],
+            offset_px: DVec2::new(shape[0], shape[1]),
+            sigma_px: DVec2::new(factor[2], factor[3]),
             angle_deg: shape[4].to_degrees(),
             covariance: found,
             amplitudes_hz: names
@@ -424,7 +425,7 @@ impl Problem<'_> {
                 .enumerate()
                 .map(|(k, name)| (*name, measured(first + k)))
                 .collect(),
-            background_hz: if self.background { measured(self.shape) } else { [0.0; 2] },
+            background_hz: if self.background { measured(self.shape) } else { Measured::default() },
             scatter: scores.scale2.sqrt(),
             correlated_points: together,
             degrees_of_freedom: freedom,

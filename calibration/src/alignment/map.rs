@@ -1,13 +1,14 @@
 //! The field as it was measured, cell by cell.
 
 use super::{FieldFit, FieldPoint};
+use glam::DVec2;
 use std::collections::BTreeMap;
 
 /// A cell of the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
     /// Middle of the cell from the frame's centre, px.
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Mean of the normalised rates in it, weighted by their uncertainties.
     pub value: f64,
     /// Standard uncertainty of the mean: the stated one, or the points' scatter where that is larger.
@@ -43,7 +44,7 @@ impl FieldMap {
     pub fn new(points: &[FieldPoint], fit: &FieldFit, cell_px: f64) -> Self {
         let mut sums: BTreeMap<[i64; 2], Sum> = BTreeMap::new();
         let amplitudes: BTreeMap<usize, f64> =
-            fit.amplitudes_hz.iter().map(|(star, [amplitude, _])| (*star, *amplitude)).collect();
+            fit.amplitudes_hz.iter().map(|(star, amplitude)| (*star, amplitude.value)).collect();
         for point in points {
             let Some(&amplitude) = amplitudes.get(&point.star).filter(|a| **a > 0.0) else {
                 continue;
@@ -51,9 +52,9 @@ impl FieldMap {
             if !(cell_px.is_finite() && cell_px > 0.0) {
                 continue;
             }
-            let value = (point.rate_hz - fit.background_hz[0]) / amplitude;
+            let value = (point.rate_hz - fit.background_hz.value) / amplitude;
             let weight = (amplitude / point.sigma_hz).powi(2);
-            let [column, row] = point.offset_px.map(|x| (x / cell_px).floor() as i64);
+            let [column, row] = point.offset_px.to_array().map(|x| (x / cell_px).floor() as i64);
             let sum = sums.entry([row, column]).or_default();
             sum.weight += weight;
             sum.value += weight * value;
@@ -66,7 +67,7 @@ impl FieldMap {
             let chi2 = (sum.square - sum.weight * value * value).max(0.0);
             let reduced = chi2 / (sum.points.max(2) - 1) as f64;
             Cell {
-                offset_px: [column, row].map(|i| (i as f64 + 0.5) * cell_px),
+                offset_px: [column, row].map(|i| (i as f64 + 0.5) * cell_px).into(),
                 value,
                 sigma: (reduced.max(1.0) / sum.weight).sqrt(),
                 residual: sum.residual / sum.weight,
@@ -77,7 +78,7 @@ impl FieldMap {
     }
 
     /// The measured field at a place: that of its cell; `None` where nothing was measured.
-    pub fn at(&self, offset_px: [f64; 2]) -> Option<&Cell> {
+    pub fn at(&self, offset_px: DVec2) -> Option<&Cell> {
         let half = 0.5 * self.cell_px;
         let near = |cell: &&Cell| {
             (0..2).all(|i| {

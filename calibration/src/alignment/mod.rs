@@ -17,12 +17,13 @@ pub use map::{Cell, FieldMap};
 pub use sessions::{AlignError, AlignOptions, Alignment, CELL_PX, Field, align};
 
 use crate::counts::Sample;
+use glam::DVec2;
 
 /// A rate of a star at a place. Points of a star stand in the order of time: what errs together is found by it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldPoint {
     /// The star's place from the frame's centre, px, as in [`crate::track::Place`].
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Variances of column and row and their covariance, px².
     pub covariance_px2: [f64; 3],
     /// Rate of the star there, background subtracted, Hz.

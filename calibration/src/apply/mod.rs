@@ -10,6 +10,7 @@ use crate::stars::{NightFile, Nights, USUAL_EXPONENT, night_of};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use sunglint_formats::{FileError, ParseError, Table};
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::air::{Aerosol, Air, AirError, AirOptions};
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, Input, LightCurve, RateKind, TOLERATED,
@@ -270,7 +271,7 @@ impl Applied {
             ));
         }
         let fitted = match self.night.facts.aerosol_depth {
-            Some([depth, _]) if !options.keep_aerosol => {
+            Some(Measured { value: depth, .. }) if !options.keep_aerosol => {
                 let aerosol = Aerosol::Angstrom {
                     optical_depth: depth,
                     wavelength_nm: 550.0,

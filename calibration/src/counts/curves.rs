@@ -55,7 +55,7 @@ impl Summary {
             summary.with_rate += u64::from(channel.rate_hz.is_finite());
             summary.clean += u64::from(channel.flags.is_empty());
             summary.from_tags += u64::from(channel.from_tags);
-            summary.coupled += u64::from(channel.coupling[0].is_finite());
+            summary.coupled += u64::from(channel.coupling.value.is_finite());
             for (name, _) in channel.flags.iter_names() {
                 *summary.flags.entry(name).or_default() += 1;
             }
@@ -116,7 +116,7 @@ impl Curves {
             curve.flags.push(flags);
         };
         for (i, channel) in sample.channels.iter().enumerate() {
-            add(&mut self.raw[i], channel.measured_hz, channel.flags);
+            add(&mut self.raw[i], channel.measured_hz.to_array(), channel.flags);
             add(&mut self.linear[i], [channel.rate_hz, channel.sigma_hz], channel.flags);
         }
     }

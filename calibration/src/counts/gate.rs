@@ -1,6 +1,7 @@
 //! The fibre's field: whether the target stood in it, and how much of its light was coupled.
 
 use crate::track::{NoPlace, Place, Track};
+use glam::DVec2;
 use hifitime::{Duration, Epoch};
 use sunglint_radiometry::station::Fibre;
 
@@ -38,7 +39,7 @@ pub fn coupling(fibre: &Fibre, place: &Place) -> Coupling {
     let d = [0, 1].map(|i| place.offset_px[i] - fibre.offset_px[i]);
     let [cxx, cyy, cxy] = place.covariance_px2;
     let moment = |part: f64| {
-        let [sxx, syy] = fibre.sigma_px.map(|sigma| part * sigma * sigma);
+        let [sxx, syy] = fibre.sigma_px.to_array().map(|sigma| part * sigma * sigma);
         let (xx, yy) = (sxx + cxx, syy + cyy);
         let det = xx * yy - cxy * cxy;
         let q = (yy * d[0] * d[0] - 2.0 * cxy * d[0] * d[1] + xx * d[1] * d[1]) / det;
@@ -49,7 +50,7 @@ pub fn coupling(fibre: &Fibre, place: &Place) -> Coupling {
 }
 
 /// q of a place.
-pub(super) fn q(fibre: &Fibre, offset_px: [f64; 2]) -> f64 {
+pub(super) fn q(fibre: &Fibre, offset_px: DVec2) -> f64 {
     (0..2).map(|i| ((offset_px[i] - fibre.offset_px[i]) / fibre.sigma_px[i]).powi(2)).sum()
 }
 

@@ -10,6 +10,7 @@ use crate::track::{Place, Track};
 use hifitime::{Duration, Epoch};
 use std::collections::VecDeque;
 use sunglint_formats::CountFlags;
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::light_curve::Flags;
 
 /// How bins become samples.
@@ -27,15 +28,15 @@ pub struct Options {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelSample {
     /// Rate as counted, Hz, and its standard uncertainty without regard to dead time; NaN where nothing was counted.
-    pub measured_hz: [f64; 2],
+    pub measured_hz: Measured,
     /// The target's rate, linear, background subtracted, divided by the coupling, Hz; NaN where a flag excludes it.
     pub rate_hz: f64,
     /// Standard uncertainty of `rate_hz`, Hz; NaN where that is NaN.
     pub sigma_hz: f64,
     /// Background that was subtracted, and its standard uncertainty, Hz, before the coupling; NaN where none was subtracted.
-    pub background_hz: [f64; 2],
+    pub background_hz: Measured,
     /// The coupling and its standard uncertainty from the target's place; NaN where none was applied.
-    pub coupling: [f64; 2],
+    pub coupling: Measured,
     /// Part of the events that the detector lost.
     pub lost_fraction: f64,
     /// Whether it was linearised in fine bins, from tags.
@@ -183,7 +184,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
         sample.flags.set(Flags::OVERFLOW, missed || common.contains(Flags::OVERFLOW));
         sample.flags.set(Flags::SATURATED, bin.record.flags.contains(CountFlags::SATURATED));
         let measured_hz = counts as f64 / exposure_s;
-        sample.measured_hz = [measured_hz, (counts.max(1) as f64).sqrt() / exposure_s];
+        sample.measured_hz = Measured::new(measured_hz, (counts.max(1) as f64).sqrt() / exposure_s);
         let tags = bin.tags_ps.get(channel.column).and_then(Option::as_deref);
         // Tags that do not make up the counts are not all of them.
         let tags = tags.filter(|tags| tags.len() as u64 == counts);
@@ -216,7 +217,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
                 let stand_in =
                     matches!(background.source, BackgroundSource::Dark | BackgroundSource::Station);
                 sample.flags.set(Flags::NO_OFF_TARGET, stand_in);
-                sample.background_hz = [background.rate_hz, background.sigma_hz];
+                sample.background_hz = Measured::new(background.rate_hz, background.sigma_hz);
                 sample.rate_hz = linear.rate_hz - background.rate_hz;
                 sample.sigma_hz = linear.sigma_hz.hypot(background.sigma_hz);
             }
@@ -255,7 +256,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
         match over_bin(fibre, track, bin.record.start, bin.exposure_s(), gate, wander) {
             Ok(coupling) if coupling.mean > 0.0 => {
                 let relative = coupling.sigma / coupling.mean;
-                sample.coupling = [coupling.mean, coupling.sigma];
+                sample.coupling = Measured::new(coupling.mean, coupling.sigma);
                 sample.rate_hz /= coupling.mean;
                 sample.sigma_hz =
                     (sample.sigma_hz / coupling.mean).hypot(sample.rate_hz * relative);
@@ -270,11 +271,11 @@ impl ChannelSample {
     /// A sample of which nothing is known.
     fn nothing(flags: Flags) -> Self {
         Self {
-            measured_hz: [f64::NAN; 2],
+            measured_hz: Measured::new(f64::NAN, f64::NAN),
             rate_hz: f64::NAN,
             sigma_hz: f64::NAN,
-            background_hz: [f64::NAN; 2],
-            coupling: [f64::NAN; 2],
+            background_hz: Measured::new(f64::NAN, f64::NAN),
+            coupling: Measured::new(f64::NAN, f64::NAN),
             lost_fraction: 0.0,
             from_tags: false,
             flags,

@@ -1,6 +1,7 @@
 //! Where the telescope looked, and when.
 
 use crate::track::Track;
+use glam::DVec2;
 use hifitime::{Duration, Epoch};
 
 /// View of the telescope: a target, the sky or nothing.
@@ -98,7 +99,7 @@ pub struct Away {
     /// The target is away where it stands further than this from the place that counts, px: far enough that no light of it is coupled.
     pub distance_px: f64,
     /// That place, from the frame's centre, px: the fibre's.
-    pub from_px: [f64; 2],
+    pub from_px: DVec2,
     /// Whether frames that do not show the target count as away. A target that is only faint, or behind a cloud, then spoils the background.
     pub undetected: bool,
     /// The shortest stretch, s, between the middles of its first and last frames.

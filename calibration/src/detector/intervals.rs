@@ -11,6 +11,7 @@ use nalgebra::DVector;
 use sunglint_numerics::least_squares::{
     Bounded, Differences, Limits, Residuals, covariance, minimise_residuals,
 };
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::station::DeadTime;
 
 /// How often each interval between successive counts of one channel occurred. It holds as much as it has bins, whatever is added.
@@ -84,11 +85,11 @@ impl Afterpulses {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeadTimeEstimate {
     /// Dead time τ_d and its standard uncertainty, s.
-    pub dead_time_s: [f64; 2],
+    pub dead_time_s: Measured,
     /// Time constant of the recovery and its standard uncertainty, s; `None` where it improves the fit by less than 3 σ.
-    pub recovery_s: Option<[f64; 2]>,
+    pub recovery_s: Option<Measured>,
     /// The rate that the detector saw, and its standard uncertainty, Hz.
-    pub rate_hz: [f64; 2],
+    pub rate_hz: Measured,
     /// Deviance of the fit, about the degrees of freedom where the model holds.
     pub deviance: f64,
     /// Bins with intervals left less the numbers fitted.
@@ -100,9 +101,11 @@ pub struct DeadTimeEstimate {
 impl DeadTimeEstimate {
     /// Returns the dead time in the form that a station has.
     pub fn dead_time(&self) -> DeadTime {
-        let [dead_time_s, _] = self.dead_time_s;
+        let dead_time_s = self.dead_time_s.value;
         match self.recovery_s {
-            Some([recovery_s, _]) => DeadTime::ExponentialRecovery { dead_time_s, recovery_s },
+            Some(Measured { value: recovery_s, .. }) => {
+                DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
+            }
             None => DeadTime::NonParalysable { dead_time_s },
         }
     }
@@ -169,9 +172,9 @@ impl IntervalHistogram {
         }
         let rate = best.at[0].exp() / bin_s;
         Ok(DeadTimeEstimate {
-            dead_time_s: [dead, best.sigma[1] * bin_s],
-            recovery_s: recovers.then_some([recovery, best.sigma[2] * bin_s]),
-            rate_hz: [rate, rate * best.sigma[0]],
+            dead_time_s: Measured::new(dead, best.sigma[1] * bin_s),
+            recovery_s: recovers.then_some(Measured::new(recovery, best.sigma[2] * bin_s)),
+            rate_hz: Measured::new(rate, rate * best.sigma[0]),
             deviance: best.deviance,
             degrees_of_freedom: hazard.alive.len() - if recovers { 3 } else { 2 },
             afterpulses: hazard.afterpulses(best.at[1] + 5.0 * best.at[2]),

@@ -11,13 +11,15 @@ use super::catalogue::Catalogue;
 use super::matching::{Star, pair, tangent};
 use super::{Source, sources};
 use crate::photometry::field::Field;
+use glam::DVec2;
 use serde::Serialize;
-use sunglint_formats::wcs::Wcs;
+use sunglint_formats::wcs::{Equatorial, Wcs};
+use sunglint_numerics::measured::Interval;
 
 /// Narrowest and widest field that patterns are made for, deg.
-pub const FIELDS_DEG: [f64; 2] = [0.2, 45.0];
+pub const FIELDS_DEG: Interval = Interval::new(0.2, 45.0);
 /// Widths of field that the embedded stars are tried for, deg: below 15° most fields hold too few of them.
-pub const EMBEDDED_DEG: [f64; 2] = [12.0, 40.0];
+pub const EMBEDDED_DEG: Interval = Interval::new(12.0, 40.0);
 /// Stars that a field of the narrowest width should hold: four make the pattern, the others prove it.
 const STARS_IN_A_FIELD: f64 = 14.0;
 /// Sources that are taken, the brightest.
@@ -53,7 +55,7 @@ pub enum BlindError {
         needed: usize,
     },
     /// Widths that make no sense.
-    #[error("fields of {0:.3}° to {1:.3}°: expected {least}° to {most}°", least = FIELDS_DEG[0], most = FIELDS_DEG[1])]
+    #[error("fields of {0:.3}° to {1:.3}°: expected {least}° to {most}°", least = FIELDS_DEG.low, most = FIELDS_DEG.high)]
     Width(f64, f64),
     /// The search refused the list.
     #[error("no patterns of this list: {0}")]
@@ -66,7 +68,7 @@ pub struct Patterns {
     database: tetra3::SolverDatabase,
     /// The stars with a magnitude, the brightest first.
     stars: Vec<Star>,
-    fields_deg: [f64; 2],
+    fields_deg: Interval,
 }
 
 /// Coordinates of a frame, found without a hint.
@@ -76,9 +78,9 @@ pub struct Solved {
     #[serde(skip)]
     pub wcs: Wcs,
     /// Right ascension and declination of the frame's middle, deg (the list's system and the year that was asked for).
-    pub centre_deg: [f64; 2],
+    pub centre_deg: Equatorial,
     /// Width and height of the frame, deg.
-    pub size_deg: [f64; 2],
+    pub size_deg: DVec2,
     /// Width of a pixel, arcsec.
     pub scale_arcsec: f64,
     /// Direction of up, deg from north through east: towards the first row, but for [`drawn`](Self::drawn).
@@ -123,10 +125,10 @@ impl Patterns {
         list: &Catalogue,
         magnitudes: &[f64],
         year: f64,
-        fields_deg: [f64; 2],
+        fields_deg: Interval,
     ) -> Result<Self, BlindError> {
-        let [least, most] = fields_deg;
-        if !(least >= FIELDS_DEG[0] && most <= FIELDS_DEG[1] && least <= most) {
+        let [least, most] = fields_deg.to_array();
+        if !(least >= FIELDS_DEG.low && most <= FIELDS_DEG.high && least <= most) {
             return Err(BlindError::Width(least, most));
         }
         let mut stars: Vec<Star> = (0..list.len().min(magnitudes.len()))
@@ -135,7 +137,7 @@ impl Patterns {
                 sky_deg: list.sky_deg(number, year),
                 magnitude: magnitudes[number],
             })
-            .filter(|s| s.magnitude.is_finite() && s.sky_deg.iter().all(|v| v.is_finite()))
+            .filter(|s| s.magnitude.is_finite() && s.sky_deg.is_finite())
             .collect();
         if narrowest_deg(stars.len()) > 1.6 * most || stars.len() < 50 {
             let needed = STARS_IN_A_FIELD as usize;
@@ -144,8 +146,8 @@ impl Patterns {
         stars.sort_by(|a, b| a.magnitude.total_cmp(&b.magnitude));
         let of_crate = stars.iter().map(|star| tetra3::Star {
             id: star.number as i64,
-            ra_rad: star.sky_deg[0].to_radians().rem_euclid(std::f64::consts::TAU) as f32,
-            dec_rad: star.sky_deg[1].to_radians() as f32,
+            ra_rad: star.sky_deg.ra_deg.to_radians().rem_euclid(std::f64::consts::TAU) as f32,
+            dec_rad: star.sky_deg.dec_deg.to_radians() as f32,
             mag: star.magnitude as f32,
         });
         let config = tetra3::GenerateDatabaseConfig {
@@ -161,7 +163,7 @@ impl Patterns {
     }
 
     /// Widths of fields that the patterns are for, deg.
-    pub fn fields_deg(&self) -> [f64; 2] {
+    pub fn fields_deg(&self) -> Interval {
         self.fields_deg
     }
 
@@ -179,14 +181,14 @@ impl Patterns {
         width_deg: Option<(f64, f64)>,
     ) -> Option<Solved> {
         let found: Vec<Source> = sources(field, is_trailed);
-        let places: Vec<[f64; 2]> = found.iter().map(|s| s.place).collect();
+        let places: Vec<DVec2> = found.iter().map(|s| s.place.into()).collect();
         self.solve_places(&places, field.size_px, width_deg)
     }
 
     /// The same for places of sources in px (the middle of the first pixel is 0, 0), the brightest first.
     pub fn solve_places(
         &self,
-        places: &[[f64; 2]],
+        places: &[DVec2],
         size_px: [usize; 2],
         width_deg: Option<(f64, f64)>,
     ) -> Option<Solved> {
@@ -203,7 +205,7 @@ impl Patterns {
         let widths = match width_deg {
             Some(width) => vec![width],
             None => {
-                let [least, most] = self.fields_deg;
+                let [least, most] = self.fields_deg.to_array();
                 let steps = ((most / least).ln() / STEP.ln()).ceil().max(1.0);
                 let ratio = (most / least).powf(steps.recip());
                 // The widest first: fewest stars, soonest done.
@@ -236,23 +238,24 @@ impl Patterns {
     fn fitted(
         &self,
         solution: &tetra3::Solution,
-        places: &[[f64; 2]],
+        places: &[DVec2],
         size_px: [usize; 2],
     ) -> Option<Solved> {
         let middle = size_px.map(|n| 0.5 * (n as f64 - 1.0));
         let sky = |x: f64, y: f64| {
             let (ra, dec) = solution.pixel_to_world(x, y);
-            [ra, dec]
+            Equatorial { ra_deg: ra, dec_deg: dec }
         };
         let reference = sky(0.0, 0.0);
         let arm = 0.2 * size_px[0].min(size_px[1]) as f64;
-        let slope = |right: [f64; 2], left: [f64; 2]| {
+        let slope = |right: Equatorial, left: Equatorial| {
             let (a, b) = (tangent(reference, right)?, tangent(reference, left)?);
             Some([0, 1].map(|k| (a[k] - b[k]) / (2.0 * arm)))
         };
         let column = slope(sky(arm, 0.0), sky(-arm, 0.0))?;
         let row = slope(sky(0.0, arm), sky(0.0, -arm))?;
-        let first = Wcs::tangential(reference, middle, [[column[0], row[0]], [column[1], row[1]]])?;
+        let first =
+            Wcs::tangential(reference, middle.into(), [[column[0], row[0]], [column[1], row[1]]])?;
         let once = pair(&first, &self.stars, places, size_px)?;
         // Once more from the better place: stars at the corners come within reach.
         let pairs = pair(&once.wcs, &self.stars, places, size_px)?;
@@ -260,16 +263,17 @@ impl Patterns {
             return None;
         }
         let wcs = pairs.wcs;
-        let centre = wcs.sky(middle)?;
+        let centre = wcs.sky(middle.into())?;
         let at = |dx: f64, dy: f64| {
-            wcs.sky([middle[0] + dx, middle[1] + dy]).and_then(|sky| tangent(centre, sky))
+            wcs.sky(DVec2::new(middle[0] + dx, middle[1] + dy)).and_then(|sky| tangent(centre, sky))
         };
         let (right, up) = (at(1.0, 0.0)?, at(0.0, -1.0)?);
         let scale_deg = (right[0] * up[1] - right[1] * up[0]).abs().sqrt();
         Some(Solved {
             centre_deg: centre,
             size_deg: size_px
-                .map(|n| 2.0 * (0.5 * n as f64 * scale_deg.to_radians()).atan().to_degrees()),
+                .map(|n| 2.0 * (0.5 * n as f64 * scale_deg.to_radians()).atan().to_degrees())
+                .into(),
             scale_arcsec: scale_deg * 3600.0,
             up_deg: up[0].atan2(up[1]).to_degrees().rem_euclid(360.0),
             is_mirrored: right[0] * up[1] - right[1] * up[0] > 0.0,

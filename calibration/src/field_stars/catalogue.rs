@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use sunglint_formats::error::FileError;
 use sunglint_formats::image_frame::sexagesimal;
 use sunglint_formats::photometry::{Source, open};
+use sunglint_formats::wcs::Equatorial;
 use sunglint_formats::{Column, ParseError, Table, Values};
 
 /// Names of columns of right ascensions, the usual first.
@@ -269,16 +270,16 @@ impl Catalogue {
     }
 
     /// Right ascension and declination of a star in a year, deg.
-    pub fn sky_deg(&self, star: usize, year: f64) -> [f64; 2] {
+    pub fn sky_deg(&self, star: usize, year: f64) -> Equatorial {
         let [ra, dec] = self.sky_deg[star];
-        let Some((motion, epoch)) = &self.motion else { return [ra, dec] };
+        let Some((motion, epoch)) = &self.motion else { return [ra, dec].into() };
         let years = year - epoch[star];
         if !years.is_finite() {
-            return [ra, dec];
+            return [ra, dec].into();
         }
         let [east, north] = motion[star].map(|mas| mas * years / 3.6e6);
         let cos = dec.to_radians().cos().max(1e-6);
-        [ra + east / cos, (dec + north).clamp(-90.0, 90.0)]
+        [ra + east / cos, (dec + north).clamp(-90.0, 90.0)].into()
     }
 
     /// Magnitudes and colours for frames of a filter.
@@ -517,14 +518,14 @@ mod tests {
         let (name, colour) = band.colour.unwrap();
         assert!(name == "Bmag - Vmag" && (colour[0] - 0.6).abs() < 1e-12);
         // Ten years of 1″ a year: 10″/cos(20.25°) east, 10″ south.
-        let [ra, dec] = stars.sky_deg(0, 2026.0);
+        let [ra, dec] = stars.sky_deg(0, 2026.0).to_array();
         assert!((ra - 10.5 - 10.0 / 3600.0 / 20.25_f64.to_radians().cos()).abs() < 1e-9, "{ra}");
         assert!((dec + 20.25 + 10.0 / 3600.0).abs() < 1e-12);
         let error = stars.band("Clear", &CatalogueOptions::default()).unwrap_err().to_string();
         assert!(error.contains("Clear"), "{error}");
         let sexagesimal = "RAJ2000,DEJ2000,V\n05:30:00,-00:30:00,4\n";
         let stars = Catalogue::of(Path::new("list.csv"), sexagesimal.into()).unwrap();
-        assert_eq!(stars.sky_deg(0, 2000.0), [82.5, -0.5]);
+        assert_eq!(stars.sky_deg(0, 2000.0).to_array(), [82.5, -0.5]);
         let error = Catalogue::of(Path::new("x.csv"), "x,y\n1,2\n".into()).unwrap_err().to_string();
         assert!(error.contains("right ascensions"), "{error}");
     }

@@ -4,9 +4,10 @@
 //! Without coordinates, pairs of bright sources are laid on pairs of bright stars of a fitting distance, and a map is believed if more sources fall on stars than all the maps that were
 //! tried could bring about by chance.
 
+use glam::DVec2;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
-use sunglint_formats::wcs::Wcs;
+use sunglint_formats::wcs::{Equatorial, Wcs};
 use sunglint_numerics::order::median;
 
 /// A star of a list: its number in it, right ascension and declination, magnitude; NaN where it has none.
@@ -15,7 +16,7 @@ pub struct Star {
     /// Number in the list.
     pub number: usize,
     /// Right ascension and declination, deg.
-    pub sky_deg: [f64; 2],
+    pub sky_deg: Equatorial,
     /// Magnitude; the order of brightness counts.
     pub magnitude: f64,
 }
@@ -35,20 +36,23 @@ pub struct Pairs {
     /// Coordinates of the frame, put right by the pairs.
     pub wcs: Wcs,
     /// Displacement of the coordinates that came in, px.
-    pub shift_px: [f64; 2],
+    pub shift_px: DVec2,
     /// Scatter of the places about the coordinates in an axis, px.
     pub scatter_px: f64,
 }
 
 /// Lays stars on sources by coordinates that are known but for a displacement. Sources are places in px, the brightest first; stars too. `None` where too few agree.
-pub fn pair(wcs: &Wcs, stars: &[Star], sources: &[[f64; 2]], size_px: [usize; 2]) -> Option<Pairs> {
+pub fn pair(wcs: &Wcs, stars: &[Star], sources: &[DVec2], size_px: [usize; 2]) -> Option<Pairs> {
+    let sources: &[[f64; 2]] = &sources.iter().map(DVec2::to_array).collect::<Vec<_>>();
     let inside = |place: &[f64; 2]| {
         (0..2).all(|k| place[k] > -REACH_PX && place[k] < size_px[k] as f64 + REACH_PX)
     };
     let seen: Vec<(usize, [f64; 2])> = stars
         .iter()
         .enumerate()
-        .filter_map(|(i, star)| wcs.pixel(star.sky_deg).filter(inside).map(|place| (i, place)))
+        .filter_map(|(i, star)| {
+            wcs.pixel(star.sky_deg).map(|p| p.to_array()).filter(inside).map(|place| (i, place))
+        })
         .collect();
     let (shift, votes, chance) = displacement(&seen, sources, size_px)?;
     // A small displacement of coordinates that were solved needs less of a proof.
@@ -78,7 +82,7 @@ pub fn pair(wcs: &Wcs, stars: &[Star], sources: &[[f64; 2]], size_px: [usize; 2]
     Some(Pairs {
         of: of.iter().map(|(i, j)| (seen[*i].0, *j)).collect(),
         wcs: moved(wcs, &map, size_px)?,
-        shift_px: shift,
+        shift_px: shift.into(),
         scatter_px,
     })
 }
@@ -93,20 +97,20 @@ fn moved(wcs: &Wcs, map: &[[f64; 3]; 2], size_px: [usize; 2]) -> Option<Wcs> {
     };
     let middle = size_px.map(|n| 0.5 * (n as f64 - 1.0));
     // Distorted coordinates keep their form where nothing but a displacement was found.
-    let reference = wcs.sky(back(middle))?;
+    let reference = wcs.sky(back(middle).into())?;
     let (mut from, mut to) = (Vec::new(), Vec::new());
     for i in -2..=2 {
         for j in -2..=2 {
             let place =
                 [middle[0] * (1.0 + 0.45 * f64::from(i)), middle[1] * (1.0 + 0.45 * f64::from(j))];
             from.push(place);
-            to.push(tangent(reference, wcs.sky(back(place))?)?);
+            to.push(tangent(reference, wcs.sky(back(place).into())?)?);
         }
     }
     let [[a, b, e], [c, d, f]] = linear(&from, &to)?;
     let determinant = a * d - b * c;
     let origin = [(b * f - d * e) / determinant, (c * e - a * f) / determinant];
-    Wcs::tangential(reference, origin, [[a, b], [c, d]])
+    Wcs::tangential(reference, origin.into(), [[a, b], [c, d]])
 }
 
 /// The most frequent displacement of stars' places to sources, the votes for it, and how many chance would give it.
@@ -217,10 +221,10 @@ fn shifted(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<[[f64; 3]; 2]> {
 }
 
 /// Tangential coordinates (east, north) of a place about a reference, deg; `None` on the other half of the sky.
-pub(super) fn tangent(reference_deg: [f64; 2], sky_deg: [f64; 2]) -> Option<[f64; 2]> {
-    let (sin_a, cos_a) = (sky_deg[0] - reference_deg[0]).to_radians().sin_cos();
-    let (sin_d, cos_d) = reference_deg[1].to_radians().sin_cos();
-    let (sin_b, cos_b) = sky_deg[1].to_radians().sin_cos();
+pub(super) fn tangent(reference: Equatorial, sky: Equatorial) -> Option<[f64; 2]> {
+    let (sin_a, cos_a) = (sky.ra_deg - reference.ra_deg).to_radians().sin_cos();
+    let (sin_d, cos_d) = reference.dec_deg.to_radians().sin_cos();
+    let (sin_b, cos_b) = sky.dec_deg.to_radians().sin_cos();
     let cos = sin_b * sin_d + cos_b * cos_d * cos_a;
     (cos > 0.01).then(|| {
         [cos_b * sin_a / cos, (sin_b * cos_d - cos_b * sin_d * cos_a) / cos].map(f64::to_degrees)
@@ -231,7 +235,7 @@ pub(super) fn tangent(reference_deg: [f64; 2], sky_deg: [f64; 2]) -> Option<[f64
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approximate {
     /// Right ascension and declination near the frame's middle, deg.
-    pub centre_deg: [f64; 2],
+    pub centre_deg: Equatorial,
     /// Width of a pixel, arcsec.
     pub scale_arcsec: f64,
     /// Part by which the width may be wrong.
@@ -250,7 +254,7 @@ const CHANCE: f64 = 1e-4;
 pub fn solve(
     near: &Approximate,
     stars: &[Star],
-    sources: &[[f64; 2]],
+    sources: &[DVec2],
     size_px: [usize; 2],
 ) -> Option<Wcs> {
     let diagonal = (size_px[0] as f64).hypot(size_px[1] as f64);
@@ -267,7 +271,7 @@ pub fn solve(
             }
         }
     }
-    let sources: Vec<[f64; 2]> = sources.iter().take(PATTERN).copied().collect();
+    let sources: Vec<[f64; 2]> = sources.iter().take(PATTERN).map(DVec2::to_array).collect();
     if sources.len() < 5 || chosen.len() < 5 {
         return None;
     }
@@ -341,7 +345,7 @@ pub fn solve(
     let [[a, b, e], [c, d, f]] = map.map(|row| row.map(|v| v * scale));
     let determinant = a * d - b * c;
     let origin = [(b * f - d * e) / determinant, (c * e - a * f) / determinant];
-    Wcs::tangential(near.centre_deg, origin, [[a, b], [c, d]])
+    Wcs::tangential(near.centre_deg, origin.into(), [[a, b], [c, d]])
 }
 
 /// The map that lays one pair of places on another, turned, scaled, and mirrored for a parity of −1.

@@ -13,6 +13,7 @@ pub use matching::{Approximate, Pairs, Star};
 pub use zero_point::{ColourTerm, StarMeasurement, ZeroPoint, colour_term, zero_point as of_stars};
 
 use crate::photometry::field::Field;
+use glam::DVec2;
 use sunglint_formats::wcs::Wcs;
 
 /// Coordinates that a frame is begun with.
@@ -64,7 +65,7 @@ pub fn in_frame(
     band: &BandColumns,
 ) -> Result<InFrame, String> {
     let sources = sources(field, is_trailed);
-    let places: Vec<[f64; 2]> = sources.iter().map(|s| s.place).collect();
+    let places: Vec<DVec2> = sources.iter().map(|s| s.place.into()).collect();
     let mut stars: Vec<Star> = (0..catalogue.len())
         .filter(|&i| band.magnitude[i].is_finite())
         .map(|number| Star {
@@ -72,7 +73,7 @@ pub fn in_frame(
             sky_deg: catalogue.sky_deg(number, year),
             magnitude: band.magnitude[number],
         })
-        .filter(|star| star.sky_deg.iter().all(|v| v.is_finite()))
+        .filter(|star| star.sky_deg.is_finite())
         .collect();
     stars.sort_by(|a, b| a.magnitude.total_cmp(&b.magnitude));
     let solved;
@@ -87,7 +88,7 @@ pub fn in_frame(
     let pairs = matching::pair(wcs, &stars, &places, field.size_px)
         .ok_or("too few of its sources are where the list has stars")?;
     // Places of all stars of the list, for neighbours that an aperture cannot tell apart.
-    let all: Vec<Option<[f64; 2]>> = stars.iter().map(|s| pairs.wcs.pixel(s.sky_deg)).collect();
+    let all: Vec<Option<DVec2>> = stars.iter().map(|s| pairs.wcs.pixel(s.sky_deg)).collect();
     let reach = 4.0 * field.fwhm_px;
     let is_crowded = |star: usize| {
         let Some(at) = all[star] else { return true };
@@ -133,7 +134,7 @@ pub(crate) fn sources(field: &Field, is_trailed: bool) -> Vec<Source> {
         trails
             .map(|streak| {
                 let [a, b] = streak.ends_px;
-                let [flux, sigma] = field.whole_streak_adu(streak);
+                let [flux, sigma] = field.whole_streak_adu(streak).to_array();
                 Source {
                     place: [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
                     flux,
@@ -144,9 +145,9 @@ pub(crate) fn sources(field: &Field, is_trailed: bool) -> Vec<Source> {
             .collect()
     } else {
         let of = |point: &crate::photometry::field::PointSource| {
-            let [flux, sigma] = field.whole_point_adu(point);
+            let [flux, sigma] = field.whole_point_adu(point).to_array();
             let is_good = !point.is_saturated && !point.is_cut && point.significance > 10.0;
-            Source { place: point.place_px, flux, sigma, is_good }
+            Source { place: point.place_px.to_array(), flux, sigma, is_good }
         };
         field.points.iter().map(of).collect()
     };

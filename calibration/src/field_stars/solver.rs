@@ -9,6 +9,7 @@ use ndarray::ArrayView2;
 use std::path::Path;
 use sunglint_formats::FileError;
 use sunglint_formats::ParseError;
+use sunglint_numerics::measured::Interval;
 
 /// Part by which a width from a header may be wrong, and one that a person gave.
 const WIDTH_TOLERANCE: f64 = 0.15;
@@ -95,12 +96,14 @@ impl Solver {
         });
         let width = self.width_deg.or(by_scale);
         let [least, most] = self.widths(width);
-        let fits =
-            |p: &Patterns| p.fields_deg()[0] <= least * 1.001 && p.fields_deg()[1] >= most * 0.999;
+        let fits = |p: &Patterns| {
+            p.fields_deg().low <= least * 1.001 && p.fields_deg().high >= most * 0.999
+        };
         let patterns = match self.patterns.take().filter(fits) {
             Some(patterns) => patterns,
             None => {
-                Patterns::new(&self.list, &self.magnitudes, year_of(hint.middle), [least, most])?
+                let fields = Interval::new(least, most);
+                Patterns::new(&self.list, &self.magnitudes, year_of(hint.middle), fields)?
             }
         };
         let patterns = self.patterns.insert(patterns);
@@ -113,13 +116,13 @@ impl Solver {
 
     /// Widths of field that patterns are made for.
     fn widths(&self, width: Option<f64>) -> [f64; 2] {
-        let [least, most] = FIELDS_DEG;
+        let [least, most] = FIELDS_DEG.to_array();
         match width {
             Some(width) => [
                 (width * (1.0 - WIDTH_TOLERANCE)).max(least),
                 (width * (1.0 + WIDTH_TOLERANCE)).min(most),
             ],
-            None if self.is_embedded => EMBEDDED_DEG,
+            None if self.is_embedded => EMBEDDED_DEG.to_array(),
             None => {
                 let narrowest = narrowest_deg(self.list.len()).clamp(least, most);
                 [narrowest, (4.0 * narrowest).min(most)]

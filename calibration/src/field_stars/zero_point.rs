@@ -7,6 +7,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
+use sunglint_numerics::measured::Measured;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// A star in a frame.
@@ -160,12 +161,12 @@ fn marginal(stars: &[(f64, f64, Option<f64>)]) -> Option<(f64, f64, f64)> {
 
 /// The colour term of a filter from all of its frames, about the target's colour. The means of single stars count, not their number of frames: what is wrong of a star is wrong in all.
 /// Few stars leave it at 0 ± 0.2.
-pub fn colour_term(frames: &[Vec<StarMeasurement>], target: [f64; 2]) -> ColourTerm {
+pub fn colour_term(frames: &[Vec<StarMeasurement>], target: Measured) -> ColourTerm {
     let mut term = ColourTerm {
         value: 0.0,
         sigma: TERM_SIGMA,
-        target_colour: target[0],
-        target_sigma: target[1],
+        target_colour: target.value,
+        target_sigma: target.sigma,
     };
     for _ in 0..6 {
         let mut of: BTreeMap<usize, (f64, Vec<f64>)> = BTreeMap::new();
@@ -282,10 +283,10 @@ mod tests {
                 list.iter().enumerate().map(of).collect()
             })
             .collect();
-        let term = colour_term(&frames, [0.65, 0.2]);
+        let term = colour_term(&frames, Measured::new(0.65, 0.2));
         assert!((term.value + 0.12).abs() < 3.0 * term.sigma && term.sigma < 0.03, "{term:?}");
         let few: Vec<_> = frames.iter().map(|f| f[..2].to_vec()).collect();
-        let term = colour_term(&few, [0.65, 0.2]);
+        let term = colour_term(&few, Measured::new(0.65, 0.2));
         assert_eq!((term.value, term.sigma), (0.0, 0.2));
     }
 }

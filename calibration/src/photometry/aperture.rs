@@ -103,7 +103,7 @@ fn each_pixel(
     mut pixel: impl FnMut(f64, f64, f64, f32),
 ) {
     let [half_x, half_y] = aperture.half_box_px(aperture.radius_px + 0.5);
-    let [cx, cy] = aperture.centre_px;
+    let [cx, cy] = aperture.centre_px.to_array();
     for (row, line) in window.rows() {
         let y = row as f64;
         if (y - cy).abs() > half_y {

@@ -2,23 +2,25 @@
 
 use super::look::Light;
 use super::overlap::Aperture;
+use glam::DVec2;
+use sunglint_numerics::measured::Interval;
 
 /// A source's place and width.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centroid {
     /// Column and row, px.
-    pub place_px: [f64; 2],
+    pub place_px: DVec2,
     /// Variances of column and row and their covariance, px², from the noise of the pixels.
     pub covariance_px2: [f64; 3],
     /// Full widths at half maximum along its narrow and its wide axis, px, without the pixel's own width; infinite where it is
     /// wider than the window can tell.
-    pub fwhm_px: [f64; 2],
+    pub fwhm_px: Interval,
 }
 
 impl Centroid {
     /// Returns the width of a point: the mean of both axes (geometric); of a trail, the width across it.
     pub fn point_fwhm_px(&self) -> f64 {
-        let [narrow, wide] = self.fwhm_px;
+        let [narrow, wide] = self.fwhm_px.to_array();
         if wide.is_finite() { (narrow * wide).sqrt() } else { narrow }
     }
 }
@@ -85,7 +87,8 @@ pub(crate) fn windowed(
         Some(i) => sandwich(i, sums.noise),
         None => sums.noise.map(|n| 4.0 * n / (sums.light * sums.light)),
     };
-    Some(Centroid { place_px: place, covariance_px2, fwhm_px: widths(light, &sums, s2) })
+    let fwhm_px = widths(light, &sums, s2).into();
+    Some(Centroid { place_px: place.into(), covariance_px2, fwhm_px })
 }
 
 /// Widths without window and pixel: a normal source of variance σ² has 1/(1/σ² + 1/s²) under the window.
@@ -202,7 +205,8 @@ pub(crate) fn balanced(light: &Light<'_>, start: &Aperture, fwhm_px: f64) -> Opt
         }
         let step = first.map(|f| f / sum);
         covariance_px2 = noise.map(|n| n / (sum * sum));
-        aperture.centre_px = [aperture.centre_px[0] + step[0], aperture.centre_px[1] + step[1]];
+        aperture.centre_px =
+            DVec2::new(aperture.centre_px[0] + step[0], aperture.centre_px[1] + step[1]);
         let moved = [0, 1].map(|axis| aperture.centre_px[axis] - start.centre_px[axis]);
         if moved[0].hypot(moved[1]) > start.radius_px + 0.5 * start.trail_length_px() {
             return None;
@@ -214,7 +218,7 @@ pub(crate) fn balanced(light: &Light<'_>, start: &Aperture, fwhm_px: f64) -> Opt
     Some(Centroid {
         place_px: aperture.centre_px,
         covariance_px2,
-        fwhm_px: [fwhm_px, f64::INFINITY],
+        fwhm_px: Interval::new(fwhm_px, f64::INFINITY),
     })
 }
 

@@ -8,6 +8,7 @@ use super::overlap::Aperture;
 use super::regions::{Region, Regions};
 use super::tiles::TILE;
 use super::window::{Reading, Window};
+use glam::DVec2;
 
 /// Why a source is not the target: the first of the filters that it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +36,7 @@ pub enum Rejection {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// Column and row of its summit in the smoothed frame, px, or of its centroid where there is one.
-    pub place_px: [f64; 2],
+    pub place_px: DVec2,
     /// Height of its summit in standard deviations of the smoothed frame: its signal to noise as a point.
     pub peak_sigma: f64,
     /// Pixels above its level.
@@ -50,7 +51,7 @@ pub struct Candidate {
     /// Place and widths, of those that pass the filters before.
     pub centroid: Option<Centroid>,
     /// The trail that its second moments show, px.
-    pub trail_px: [f64; 2],
+    pub trail_px: DVec2,
     /// Why it is not the target.
     pub rejection: Option<Rejection>,
 }
@@ -63,7 +64,7 @@ pub struct Detection {
     /// Index of the target.
     pub target: Option<usize>,
     /// Pixels (column and row) that were left out of the search, for they are sharper than a point: cosmic rays and hot pixels.
-    pub cosmic_ray_px: Vec<[f64; 2]>,
+    pub cosmic_ray_px: Vec<DVec2>,
     /// Pixels of sources, column and row, each with the number of its source.
     taken_px: Vec<([f64; 2], u32)>,
     /// The numbers of the candidates.
@@ -85,13 +86,14 @@ impl Detection {
     pub(crate) fn others_in(&self, aperture: &Aperture, own: Option<usize>) -> bool {
         let own = own.and_then(|own| self.numbers.get(own)).copied();
         let inside = |p: [f64; 2]| aperture.distance_px(p[0], p[1]) < aperture.radius_px;
-        self.cosmic_ray_px.iter().any(|&p| inside(p))
+        self.cosmic_ray_px.iter().any(|p| inside(p.to_array()))
             || self.taken_px.iter().any(|&(p, source)| Some(source) != own && inside(p))
     }
 
     /// The candidate nearest to a place, within a distance.
-    pub(crate) fn nearest(&self, place_px: [f64; 2], within_px: f64) -> Option<usize> {
-        let off = |i: &usize| distance(self.candidates[*i].place_px, place_px);
+    pub(crate) fn nearest(&self, place_px: DVec2, within_px: f64) -> Option<usize> {
+        let off =
+            |i: &usize| distance(self.candidates[*i].place_px.to_array(), place_px.to_array());
         let near = (0..self.candidates.len()).filter(|i| off(i) <= within_px);
         near.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
@@ -112,7 +114,7 @@ pub(crate) struct Sought<'a> {
     pub options: &'a DetectionOptions,
     pub fwhm_px: f64,
     pub trail: Trail,
-    pub place_px: [f64; 2],
+    pub(crate) place_px: [f64; 2],
     pub aperture_radius_px: f64,
     /// How far from its place the nearest source probably is, px: the search looks there first.
     pub probably_px: f64,
@@ -190,7 +192,7 @@ impl Detector {
         let smoothed = self.image.significance(sigma_px);
         let (found, taken) = self.regions.find(smoothed, size, threshold, 0.5 * threshold);
         let mut detection = Detection {
-            cosmic_ray_px: sharp.into_iter().map(place).collect(),
+            cosmic_ray_px: sharp.into_iter().map(|i| place(i).into()).collect(),
             taken_px: taken.into_iter().map(|(pixel, source)| (place(pixel), source)).collect(),
             ..Detection::default()
         };
@@ -234,14 +236,14 @@ impl Detector {
         let sharpness =
             if faint { self.sharpness(region, narrow, sought.fwhm_px) } else { f64::NAN };
         let mut candidate = Candidate {
-            place_px: at,
+            place_px: at.into(),
             peak_sigma: region.peak,
             area_px: region.area,
             fill: region.fill(),
             aspect: region.aspect(),
             sharpness,
             centroid: None,
-            trail_px,
+            trail_px: trail_px.into(),
             rejection: None,
         };
         let by_box = if offset_px > options.max_offset_px {
@@ -260,7 +262,7 @@ impl Detector {
             None
         };
         candidate.rejection = by_box.or_else(|| {
-            let aperture = Aperture::disc(at, sought.aperture_radius_px);
+            let aperture = Aperture::disc(at.into(), sought.aperture_radius_px);
             self.look.at(reading, &aperture, setting);
             let light = self.look.light(reading, setting, &detection.cosmic_ray_px);
             candidate.centroid =
@@ -346,7 +348,7 @@ fn by_width(candidate: &Candidate, drawn_out: bool, sought: &Sought<'_>) -> Opti
     let Some(centroid) = candidate.centroid else {
         return if drawn_out { wrong_trail(candidate, sought) } else { Some(Rejection::Wide) };
     };
-    let [narrow, wide] = centroid.fwhm_px.map(|f| f / sought.fwhm_px);
+    let [narrow, wide] = centroid.fwhm_px.to_array().map(|f| f / sought.fwhm_px);
     if narrow < options.min_width {
         return Some(Rejection::Sharp);
     }
@@ -371,7 +373,8 @@ fn choose(candidates: &[Candidate], sought: &Sought<'_>) -> Option<usize> {
     let passed = candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none());
     let chosen = match sought.options.choice {
         Choice::Nearest => passed.min_by(|(_, a), (_, b)| {
-            distance(a.place_px, sought.place_px).total_cmp(&distance(b.place_px, sought.place_px))
+            let off = |c: &Candidate| distance(c.place_px.to_array(), sought.place_px);
+            off(a).total_cmp(&off(b))
         }),
         Choice::Brightest => passed.max_by(|(_, a), (_, b)| a.peak_sigma.total_cmp(&b.peak_sigma)),
     };

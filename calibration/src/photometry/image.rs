@@ -14,7 +14,7 @@ pub(crate) struct Image {
     /// Columns and rows.
     pub size: [usize; 2],
     /// Where its first pixel is in the frame.
-    pub origin: [f64; 2],
+    pub(crate) origin: [f64; 2],
     /// Pixels that are masked, and later those that are too sharp.
     left_out: Vec<bool>,
     smoothed: Vec<f32>,

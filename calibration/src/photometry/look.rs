@@ -3,11 +3,12 @@
 use super::background::{Background, Clipping, clipped_median};
 use super::overlap::Aperture;
 use super::window::{Plane, Reading, Window};
+use glam::DVec2;
 
 /// Settings of a look at a place of a frame, besides the frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Setting {
-    pub annulus_px: [f64; 2],
+    pub(crate) annulus_px: [f64; 2],
     pub clipping: Clipping,
     pub gain_e_per_adu: f64,
 }
@@ -27,7 +28,7 @@ impl Look {
     /// Takes the pixels around an aperture, out to the annulus, and the background of each plane.
     pub fn at(&mut self, reading: &Reading<'_>, aperture: &Aperture, setting: &Setting) {
         let half = aperture.half_box_px(setting.annulus_px[1]);
-        self.window.take(reading, aperture.centre_px, half);
+        self.window.take(reading, aperture.centre_px.to_array(), half);
         self.planes.clear();
         for plane in Plane::of(reading.frame.bayer) {
             gather(&mut self.annulus, &self.window, plane, aperture, setting.annulus_px);
@@ -41,7 +42,7 @@ impl Look {
         &mut self,
         reading: &Reading<'_>,
         setting: &Setting,
-        without: &[[f64; 2]],
+        without: &[DVec2],
     ) -> Option<Light<'_>> {
         let mut levels = Levels::default();
         for (plane, background) in &self.planes {
@@ -60,15 +61,14 @@ impl Look {
         let saturation = reading.saturation_adu as f32;
         let (first, sides) =
             (self.window.origin.map(|o| o as f64), self.window.size.map(|n| n as f64));
-        let near = |p: &&[f64; 2]| {
-            (0..2).all(|axis| (-1.0..=sides[axis]).contains(&(p[axis] - first[axis])))
-        };
-        let without: Vec<[f64; 2]> = without.iter().filter(near).copied().collect();
+        let near =
+            |p: &&DVec2| (0..2).all(|axis| (-1.0..=sides[axis]).contains(&(p[axis] - first[axis])));
+        let without: Vec<DVec2> = without.iter().filter(near).copied().collect();
         for (row, line) in self.window.rows() {
             for (i, &value) in line.iter().enumerate() {
                 let column = self.window.origin[0] + i;
                 // Squares of a mosaic have their places between pixels.
-                let hit = |p: &[f64; 2]| {
+                let hit = |p: &DVec2| {
                     (p[0] - column as f64).abs() < 0.9 && (p[1] - row as f64).abs() < 0.9
                 };
                 let value = if without.iter().any(hit) { f32::NAN } else { value };
@@ -100,8 +100,8 @@ fn gather(
 ) {
     out.clear();
     let [inner2, outer2] = annulus_px.map(|r| r * r);
-    let disc = aperture.trail_px == [0.0; 2];
-    let [cx, cy] = aperture.centre_px;
+    let disc = aperture.trail_px == DVec2::ZERO;
+    let [cx, cy] = aperture.centre_px.to_array();
     for (row, line) in window.rows() {
         let Some((first, step)) = plane.columns(row, window.origin[0]) else { continue };
         let y = row as f64;
@@ -182,14 +182,14 @@ impl Light<'_> {
     }
 
     /// The masked pixels of the window: column and row.
-    pub fn masked(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+    pub(crate) fn masked(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         self.masked.iter().copied()
     }
 
     /// The light that a masked pixel's mirror image through `centre` has, between the pixels of its own colour: by Catmull-Rom splines, or
     /// straight lines where the mask is among their sixteen pixels; `None` where it is among the four next ones, too. For centroids alone: a
     /// sum is not filled up with it.
-    pub fn mirrored(&self, pixel: [f64; 2], centre: [f64; 2]) -> Option<f64> {
+    pub(crate) fn mirrored(&self, pixel: [f64; 2], centre: [f64; 2]) -> Option<f64> {
         let splines = |t: f64| {
             [
                 0.5 * t * (-1.0 + t * (2.0 - t)),

@@ -2,6 +2,7 @@
 
 use super::Aperture;
 use crate::track::TrackPoint;
+use glam::DVec2;
 use hifitime::Epoch;
 use sunglint_radiometry::light_curve::Flags;
 
@@ -40,7 +41,7 @@ pub struct FrameMeasurement {
     /// Where the target was found on the sensor, for the gating of counts.
     pub track: TrackPoint,
     /// Where it was found on the frame (column, row; the first pixel's middle is 0, 0).
-    pub place_px: Option<[f64; 2]>,
+    pub place_px: Option<DVec2>,
     /// The aperture that was summed over, for figures; `None` where no target was found.
     pub aperture: Option<Aperture>,
     /// Full width at half maximum of the target, pixels of the frame, without the pixel's own width; across the trail where there is one.

@@ -1,6 +1,8 @@
 //! Options of the photometry of frames.
 
 use super::{PhotometryError, Scintillation};
+use glam::DVec2;
+use sunglint_numerics::measured::Interval;
 
 /// How a target is found and measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -8,7 +10,7 @@ pub struct PhotometryOptions {
     /// Radius of the aperture, px.
     pub aperture_radius_px: f64,
     /// Inner and outer radius of the annulus for the background, px.
-    pub annulus_px: [f64; 2],
+    pub annulus_px: Interval,
     /// Pixels of the annulus further from its median than this many standard deviations do not count.
     pub clip_sigma: f64,
     /// Rounds of clipping at most.
@@ -40,7 +42,7 @@ pub enum Trail {
     /// It is a point: long sources are rejected.
     Point,
     /// It moves by this many columns and rows of the frame while exposed (its sign does not matter).
-    Known([f64; 2]),
+    Known(DVec2),
     /// It may be drawn out: length and direction are estimated from its second moments.
     Estimated,
 }
@@ -99,7 +101,7 @@ impl PhotometryOptions {
     pub fn new(sensor_px: [u32; 2], read_noise_e: f64) -> Self {
         Self {
             aperture_radius_px: 8.0,
-            annulus_px: [12.0, 20.0],
+            annulus_px: Interval::new(12.0, 20.0),
             clip_sigma: 3.0,
             clip_rounds: 5,
             fwhm_px: 4.0,
@@ -127,7 +129,7 @@ impl PhotometryOptions {
                 false => Err(PhotometryError::Option { name, value, expected }),
             };
         let positive = "a number above 0";
-        let [inner, outer] = self.annulus_px;
+        let [inner, outer] = self.annulus_px.to_array();
         within("aperture_radius_px", self.aperture_radius_px, 0.1, 1000.0, "0.1 to 1000")?;
         within(
             "annulus_px (inner)",

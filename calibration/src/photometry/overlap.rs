@@ -1,22 +1,24 @@
 //! How much of a pixel lies in an aperture: exact areas of a disc, and of a disc drawn along a straight trail, over unit squares.
 
+use glam::DVec2;
+
 /// An aperture on a frame: all places within `radius_px` of a straight trail through its centre. Without a trail it is a disc.
 ///
 /// Places are columns and rows; the middle of the first pixel is (0, 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aperture {
     /// Middle of the aperture, px.
-    pub centre_px: [f64; 2],
+    pub centre_px: DVec2,
     /// Radius of the aperture, px.
     pub radius_px: f64,
     /// From one end of the trail to the other, px; `[0.0, 0.0]` for a disc. (A pill, as in TRIPPy, Fraser et al. 2016.)
-    pub trail_px: [f64; 2],
+    pub trail_px: DVec2,
 }
 
 impl Aperture {
     /// A disc.
-    pub fn disc(centre_px: [f64; 2], radius_px: f64) -> Self {
-        Self { centre_px, radius_px, trail_px: [0.0; 2] }
+    pub fn disc(centre_px: DVec2, radius_px: f64) -> Self {
+        Self { centre_px, radius_px, trail_px: DVec2::ZERO }
     }
 
     /// Length of the trail, px.
@@ -32,7 +34,7 @@ impl Aperture {
 
     /// Half the width and half the height of the smallest upright box around a place's neighbourhood of `reach_px`.
     pub(crate) fn half_box_px(&self, reach_px: f64) -> [f64; 2] {
-        self.trail_px.map(|t| t.abs() / 2.0 + reach_px)
+        self.trail_px.to_array().map(|t| t.abs() / 2.0 + reach_px)
     }
 
     /// Distance of a place from the trail (the centre, for a disc), px.
@@ -59,7 +61,7 @@ impl Aperture {
             return 0.0;
         }
         let (x, y) = (column - self.centre_px[0], row - self.centre_px[1]);
-        if self.trail_px == [0.0; 2] {
+        if self.trail_px == DVec2::ZERO {
             disc_square(x, y, self.radius_px)
         } else {
             self.pill_square(x, y).clamp(0.0, 1.0)
@@ -69,7 +71,7 @@ impl Aperture {
     /// The pill in three: the rectangle between its ends, and the half disc beyond each.
     fn pill_square(&self, x: f64, y: f64) -> f64 {
         let length = self.trail_length_px();
-        let along = self.trail_px.map(|t| t / length);
+        let along = self.trail_px.to_array().map(|t| t / length);
         let across = [-along[1], along[0]];
         let half = length / 2.0;
         let back = along.map(|a| -a);
@@ -232,9 +234,9 @@ mod tests {
         /// Truth: the areas of all pixels add up to πr² and πr² + 2rL, whatever the place. Tolerance: rounding over 14 400 pixels.
         #[test]
         fn areas_add_up(x in -3.0..30.0, y in -3.0..30.0, r in 0.05..18.0, u in -16.0..16.0, v in -16.0..16.0) {
-            let disc = Aperture::disc([x, y], r);
+            let disc = Aperture::disc([x, y].into(), r);
             prop_assert!((sum(&disc) - disc.area_px2()).abs() < 1e-9 * (1.0 + disc.area_px2()));
-            let pill = Aperture { trail_px: [u, v], ..disc };
+            let pill = Aperture { trail_px: [u, v].into(), ..disc };
             prop_assert!((sum(&pill) - pill.area_px2()).abs() < 1e-8 * (1.0 + pill.area_px2()));
         }
 
@@ -249,7 +251,11 @@ mod tests {
     #[test]
     fn a_trail_along_the_rows_is_a_rectangle_with_round_ends() {
         // Truth: pixels counted by hand: radius 1.5, so three whole rows between the ends.
-        let pill = Aperture { centre_px: [10.0, 10.0], radius_px: 1.5, trail_px: [8.0, 0.0] };
+        let pill = Aperture {
+            centre_px: DVec2::splat(10.0),
+            radius_px: 1.5,
+            trail_px: DVec2::new(8.0, 0.0),
+        };
         for (x, y, area) in
             [(10.0, 11.0, 1.0), (10.0, 12.0, 0.0), (7.0, 9.0, 1.0), (16.0, 10.0, 0.0)]
         {

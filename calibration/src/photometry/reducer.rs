@@ -12,6 +12,7 @@ use super::options::{PhotometryOptions, Trail};
 use super::overlap::Aperture;
 use super::window::{Plane, Reading};
 use crate::track::{Place, TrackPoint};
+use glam::DVec2;
 use hifitime::{Duration, Unit};
 use sunglint_formats::frame::Frame;
 use sunglint_radiometry::light_curve::Flags;
@@ -20,9 +21,9 @@ use sunglint_radiometry::light_curve::Flags;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Expected {
     /// Column and row of the frame where it should be; `None` is the frame's middle.
-    pub place_px: Option<[f64; 2]>,
+    pub place_px: Option<DVec2>,
     /// Columns and rows that it moves by in the exposure, where the options know no trail.
-    pub trail_px: Option<[f64; 2]>,
+    pub trail_px: Option<DVec2>,
     /// Airmass, for the scintillation.
     pub airmass: Option<f64>,
 }
@@ -126,7 +127,7 @@ impl FrameReducer {
             radius_px: self.options.aperture_radius_px,
             trail_px,
         };
-        let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px[0]);
+        let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px.low);
         let mut measured =
             self.at(frame, aperture, Some((fwhm, &detection.cosmic_ray_px)), expected)?;
         measured.candidates = detection.passed();
@@ -143,13 +144,13 @@ impl FrameReducer {
     pub fn measure_at(
         &mut self,
         frame: &Frame,
-        place_px: [f64; 2],
+        place_px: impl Into<DVec2>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
         self.tally.frames += 1;
-        let trail_px = self.trail(expected, [0.0; 2]);
-        let radius_px = self.options.aperture_radius_px;
-        self.at(frame, Aperture { centre_px: place_px, radius_px, trail_px }, None, expected)
+        let trail_px = self.trail(expected, DVec2::ZERO);
+        let (centre_px, radius_px) = (place_px.into(), self.options.aperture_radius_px);
+        self.at(frame, Aperture { centre_px, radius_px, trail_px }, None, expected)
     }
 
     /// Measures like [`measure_at`](Self::measure_at), and searches around the place: where a source whose middle is more than a point's width away from it, or a cosmic
@@ -160,12 +161,12 @@ impl FrameReducer {
     pub fn measure_among(
         &mut self,
         frame: &Frame,
-        place_px: [f64; 2],
+        place_px: impl Into<DVec2>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
+        let place_px = place_px.into();
         let mut measured = self.measure_at(frame, place_px, expected)?;
-        let Some(aperture) = measured.aperture.filter(|_| place_px.iter().all(|p| p.is_finite()))
-        else {
+        let Some(aperture) = measured.aperture.filter(|_| place_px.is_finite()) else {
             return Ok(measured);
         };
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
@@ -206,14 +207,14 @@ impl FrameReducer {
     }
 
     /// The trail of the aperture: none where it is shorter than half a point's width.
-    fn trail(&self, expected: &Expected, seen: [f64; 2]) -> [f64; 2] {
+    fn trail(&self, expected: &Expected, seen: DVec2) -> DVec2 {
         let trail = match expected.trail_px.map_or(self.options.trail, Trail::Known) {
-            Trail::Point => [0.0; 2],
+            Trail::Point => DVec2::ZERO,
             Trail::Known(trail) => trail,
             Trail::Estimated => seen,
         };
         let long = trail[0].hypot(trail[1]) > 0.5 * self.options.fwhm_px;
-        if long { trail } else { [0.0; 2] }
+        if long { trail } else { DVec2::ZERO }
     }
 
     /// Centroid (where the target was searched for: with its width and the cosmic rays) and planes of an aperture.
@@ -221,7 +222,7 @@ impl FrameReducer {
         &mut self,
         frame: &Frame,
         mut aperture: Aperture,
-        searched: Option<(f64, &[[f64; 2]])>,
+        searched: Option<(f64, &[DVec2])>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
@@ -279,7 +280,7 @@ impl FrameReducer {
             cut: leaves(&aperture, aperture.radius_px, size),
         };
         let mut flags = Flags::empty();
-        flags.set(Flags::TRAILED, aperture.trail_px != [0.0; 2]);
+        flags.set(Flags::TRAILED, aperture.trail_px != DVec2::ZERO);
         flags.set(Flags::EDGE, leaves(&aperture, setting.annulus_px[1], size));
         flags.set(Flags::UNDERSAMPLED, summing.fwhm_px < FULLY_SAMPLED_FWHM_PX);
         self.tally.undersampled += u64::from(flags.contains(Flags::UNDERSAMPLED));
@@ -306,7 +307,7 @@ impl FrameReducer {
         let [xx, yy, xy] = centroid.covariance_px2;
         let covariance_px2 =
             [xx * binning[0].powi(2), yy * binning[1].powi(2), xy * binning[0] * binning[1]];
-        Place { offset_px, covariance_px2 }
+        Place { offset_px: offset_px.into(), covariance_px2 }
     }
 
     fn twinkling(&self, frame: &Frame, expected: &Expected) -> Option<f64> {
@@ -341,11 +342,11 @@ fn centroid_of(
     setting: &Setting,
     aperture: &Aperture,
     [window_fwhm_px, fwhm_px]: [f64; 2],
-    without: &[[f64; 2]],
+    without: &[DVec2],
 ) -> Option<Centroid> {
     let light = look.light(reading, setting, without)?;
-    if aperture.trail_px == [0.0; 2] {
-        return windowed(&light, aperture.centre_px, window_fwhm_px / FWHM_PER_SIGMA);
+    if aperture.trail_px == DVec2::ZERO {
+        return windowed(&light, aperture.centre_px.to_array(), window_fwhm_px / FWHM_PER_SIGMA);
     }
     balanced(&light, aperture, fwhm_px)
 }
@@ -387,7 +388,7 @@ fn prepare<'a>(
         step_adu: if calibration.keeps_counts() { 1.0 } else { 0.0 },
     };
     let reading = Reading { frame, laid: calibration.over(frame)?, saturation_adu };
-    Ok((reading, Setting { annulus_px: options.annulus_px, clipping, gain_e_per_adu }))
+    Ok((reading, Setting { annulus_px: options.annulus_px.to_array(), clipping, gain_e_per_adu }))
 }
 
 /// Returns the inputs of a search for the target.
@@ -402,7 +403,7 @@ fn sought<'a>(
         options: &options.detection,
         fwhm_px: options.fwhm_px,
         trail: expected.trail_px.map_or(options.trail, Trail::Known),
-        place_px: expected.place_px.unwrap_or_else(middle),
+        place_px: expected.place_px.map_or_else(middle, |place| place.to_array()),
         aperture_radius_px: options.aperture_radius_px,
         probably_px: last_offset_px + 4.0 * options.fwhm_px,
     }

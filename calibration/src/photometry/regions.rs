@@ -16,7 +16,7 @@ pub(crate) struct Region {
     /// First and last row.
     pub rows: [usize; 2],
     /// Mean place of its pixels, weighted by value.
-    pub middle: [f64; 2],
+    pub(crate) middle: [f64; 2],
     /// Their second moments: xx, yy, xy, px².
     pub moments: [f64; 3],
     /// The number that its pixels have in the map, from 1.

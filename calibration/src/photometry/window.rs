@@ -25,7 +25,7 @@ pub(crate) struct Reading<'a> {
 
 impl Window {
     /// Takes the pixels whose middles lie within `half` of `centre`, as far as the frame has them.
-    pub fn take(&mut self, reading: &Reading<'_>, centre: [f64; 2], half: [f64; 2]) {
+    pub(crate) fn take(&mut self, reading: &Reading<'_>, centre: [f64; 2], half: [f64; 2]) {
         let pixels = &reading.frame.pixels;
         let size = [pixels.ncols(), pixels.nrows()];
         let mut end = [0; 2];

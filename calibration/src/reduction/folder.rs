@@ -21,6 +21,7 @@ use crate::field_stars::{
 use crate::photometry::field::{
     Along, Field, FieldOptions, Growth, along, cut_flat, find, green_light, plateau,
 };
+use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
@@ -28,7 +29,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame, ReadOptions};
-use sunglint_formats::wcs::Wcs;
+use sunglint_formats::wcs::{Equatorial, Wcs};
+use sunglint_numerics::measured::{Interval, Measured};
 use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
@@ -45,7 +47,7 @@ pub struct FolderOptions {
     /// How sources are found.
     pub field: FieldOptions,
     /// Place of the target in the first frame, column and row, px.
-    pub place_px: Option<[f64; 2]>,
+    pub place_px: Option<DVec2>,
     /// Parts of a streak that become samples of their own; 0 and 1 for none.
     pub parts: usize,
     /// Dark frames in place of those in the folder.
@@ -65,11 +67,11 @@ pub struct StarsOptions {
     /// The list and its columns.
     pub list: CatalogueOptions,
     /// Right ascension and declination near the middle of the frames, deg, where their headers do not say it.
-    pub near_deg: Option<[f64; 2]>,
+    pub near_deg: Option<Equatorial>,
     /// Width of a pixel, arcsec, where their headers do not say it.
     pub scale_arcsec: Option<f64>,
     /// The target's colour and its standard deviation; `None` takes the Sun's ± 0.2.
-    pub target_colour: Option<[f64; 2]>,
+    pub target_colour: Option<Measured>,
     /// The filter's colour term; `None` finds it from the stars.
     pub colour_term: Option<f64>,
 }
@@ -134,7 +136,7 @@ pub struct TargetFrame {
     /// Kind of image; `None` where no target was found.
     pub shape: Option<Shape>,
     /// Middle of the image, column and row.
-    pub place_px: Option<[f64; 2]>,
+    pub place_px: Option<DVec2>,
     /// Length of the streak, px; 0 of a point.
     pub length_px: f64,
     /// Light over dwell time, ADU/s.
@@ -148,7 +150,7 @@ pub struct TargetFrame {
     /// Standard deviation of the magnitude.
     pub instrumental_sigma_mag: Option<f64>,
     /// Right ascension and declination of its middle, deg, where the stars of a list give coordinates.
-    pub sky_deg: Option<[f64; 2]>,
+    pub sky_deg: Option<Equatorial>,
     /// The frame's zero point.
     pub zero_point: Option<ZeroPoint>,
     /// Magnitude, where the frame has a zero point.
@@ -204,7 +206,7 @@ pub struct Folder {
     /// How the target was told.
     pub chosen_by: String,
     /// Motion of the target through the frames, px/s, where several tell.
-    pub motion_px_per_s: Option<[f64; 2]>,
+    pub motion_px_per_s: Option<DVec2>,
     /// Notes of the headers, each once, with the number of frames.
     pub notes: BTreeMap<String, usize>,
     /// The list of stars, if one was given.
@@ -394,9 +396,9 @@ pub fn reduce_frames(
         let middle = Growth::middle(near.iter().flatten());
         seen.field.growth = middle.or_else(|| Growth::middle(growths.iter().flatten()));
     }
-    let chosen = choose(&fields, options.place_px);
+    let chosen = choose(&fields, options.place_px.map(|place| place.to_array()));
     folder.chosen_by = chosen.by;
-    folder.motion_px_per_s = chosen.motion;
+    folder.motion_px_per_s = chosen.motion.map(DVec2::from);
     let speed = speed_px_per_s(&fields, &chosen.of);
     for (seen, which) in fields.iter().zip(&chosen.of) {
         let made = &masters[seen.masters].1;
@@ -708,14 +710,14 @@ impl Folder {
             let term = band.colour.as_ref().map(|_| {
                 let target = options
                     .target_colour
-                    .or(band.sun_colour.map(|sun| [sun, TARGET_COLOUR_SIGMA]))
-                    .unwrap_or_else(|| [middle_colour(&found), 0.3]);
+                    .or(band.sun_colour.map(|sun| Measured::new(sun, TARGET_COLOUR_SIGMA)))
+                    .unwrap_or_else(|| Measured::new(middle_colour(&found), 0.3));
                 match options.colour_term {
                     Some(value) => ColourTerm {
                         value,
                         sigma: 0.0,
-                        target_colour: target[0],
-                        target_sigma: target[1],
+                        target_colour: target.value,
+                        target_sigma: target.sigma,
                     },
                     None => {
                         let frames: Vec<Vec<StarMeasurement>> =
@@ -937,11 +939,11 @@ impl Anywhere {
         });
         let make = || {
             let widths = width.map_or(EMBEDDED_DEG, |(width, tolerance)| {
-                [width * (1.0 - tolerance), width * (1.0 + tolerance)]
+                Interval::new(width * (1.0 - tolerance), width * (1.0 + tolerance))
             });
             let embedded = Catalogue::embedded().ok()?;
             // A list of a part of the sky has too few stars for it.
-            let whole = narrowest_deg(list.len()) <= widths[0] && width.is_some();
+            let whole = narrowest_deg(list.len()) <= widths.low && width.is_some();
             let (stars, column) = match whole {
                 true => (list, options.list.magnitude.as_deref()),
                 false => (&embedded, None),
@@ -965,7 +967,7 @@ struct Chosen {
 impl Seen<'_> {
     fn place(&self, which: Which) -> [f64; 2] {
         match which {
-            Which::Point(i) => self.field.points[i].place_px,
+            Which::Point(i) => self.field.points[i].place_px.to_array(),
             Which::Streak(i) => {
                 let [a, b] = self.field.streaks[i].ends_px;
                 [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
@@ -1152,7 +1154,7 @@ fn moving(fields: &[Seen<'_>]) -> Vec<Vec<Which>> {
     let mut seen_at: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     for (i, (seen, shift)) in fields.iter().zip(&shifts).enumerate() {
         for point in &seen.field.points {
-            let at = seen_at.entry(cell(point.place_px, *shift)).or_default();
+            let at = seen_at.entry(cell(point.place_px.to_array(), *shift)).or_default();
             if at.last() != Some(&i) {
                 at.push(i);
             }
@@ -1172,7 +1174,7 @@ fn moving(fields: &[Seen<'_>]) -> Vec<Vec<Which>> {
     };
     let of = |(seen, shift): (&Seen<'_>, &[f64; 2])| {
         let points = seen.field.points.iter().enumerate();
-        let free = points.filter(|(_, p)| !p.is_cut && !stays(p.place_px, *shift));
+        let free = points.filter(|(_, p)| !p.is_cut && !stays(p.place_px.to_array(), *shift));
         let streaks = seen.streaks().map(Which::Streak);
         streaks.chain(free.map(|(i, _)| Which::Point(i))).take(MOST_CANDIDATES).collect()
     };
@@ -1319,7 +1321,7 @@ fn measured(
         exposure_s,
         dwell_s: None,
         shape: None,
-        place_px: which.map(|w| seen.place(w)),
+        place_px: which.map(|w| seen.place(w).into()),
         length_px: 0.0,
         rate_adu_per_s: None,
         sigma_adu_per_s: None,
@@ -1347,7 +1349,7 @@ fn measured(
             let point = &seen.field.points[i];
             (out.shape, out.dwell_s, out.significance) =
                 (Some(Shape::Point), Some(exposure_s), point.significance);
-            let [flux, sigma] = seen.field.whole_point_adu(point);
+            let [flux, sigma] = seen.field.whole_point_adu(point).to_array();
             (flux, sigma, point.is_saturated)
         }
         Some(Which::Streak(i)) => {
@@ -1375,7 +1377,7 @@ fn measured(
                     );
                 }
             }
-            let [flux, sigma] = seen.field.whole_streak_adu(streak);
+            let [flux, sigma] = seen.field.whole_streak_adu(streak).to_array();
             (flux, sigma, streak.is_saturated)
         }
     };

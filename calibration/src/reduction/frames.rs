@@ -12,11 +12,13 @@ use crate::photometry::{
     PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
+use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
+use sunglint_numerics::measured::Interval;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
@@ -92,7 +94,7 @@ pub struct Shown {
     /// Measurement of the frame.
     pub measured: FrameMeasurement,
     /// Inner and outer radius of the annulus, px.
-    pub annulus_px: [f64; 2],
+    pub annulus_px: Interval,
 }
 
 /// Sides of what is shown, px.
@@ -100,7 +102,7 @@ const SHOWN_PX: usize = 200;
 
 impl Shown {
     /// The part about the target; without one about the frame's middle.
-    fn of(frame: &Frame, measured: &FrameMeasurement, annulus_px: [f64; 2]) -> Self {
+    fn of(frame: &Frame, measured: &FrameMeasurement, annulus_px: Interval) -> Self {
         let (rows, columns) = frame.pixels.dim();
         let size = [columns, rows];
         let origin_px = [0, 1].map(|i| {
@@ -197,7 +199,7 @@ impl FrameOptions {
     /// Sets the aperture's radius, px, and in proportion to it the annulus for the background.
     pub fn set_aperture(&mut self, radius_px: f64) {
         self.photometry.aperture_radius_px = radius_px;
-        self.photometry.annulus_px = ANNULUS.map(|part| part * radius_px);
+        self.photometry.annulus_px = ANNULUS.map(|part| part * radius_px).into();
     }
 }
 
@@ -264,7 +266,7 @@ pub fn camera_night(
         without_light: 0,
         shared: 0,
         fwhm_px,
-        aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
+        aperture_px: [options.aperture_radius_px, options.annulus_px.low, options.annulus_px.high],
         sensor: Used::default(),
         from_library: Vec::new(),
         to_library: Vec::new(),
@@ -301,8 +303,8 @@ pub fn camera_night(
                 }
                 let within_px = by_hand.first.get(&stay).map(|first| {
                     let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
-                    expected.place_px =
-                        following.place(stay, i < *first, by_hand.places.get(&i), placed);
+                    let place = following.place(stay, i < *first, by_hand.places.get(&i), placed);
+                    expected.place_px = place.map(DVec2::from);
                     most_px
                 });
                 let how = match refused {
@@ -319,7 +321,7 @@ pub fn camera_night(
         if let Ok((_, FrameMeasurement { track, .. })) = &measured
             && let Some(place) = &track.place
         {
-            following.last_px = Some(place.offset_px);
+            following.last_px = Some(place.offset_px.to_array());
         }
         match measured {
             Ok((frame, mut measured)) => {
@@ -420,7 +422,7 @@ impl ByHand {
         };
         for place in how.places.iter().filter(|place| place.camera == camera) {
             for i in find(place.frame) {
-                by_hand.places.insert(i, place.place_px);
+                by_hand.places.insert(i, place.place_px.to_array());
             }
         }
         for refused in how.refused.iter().filter(|refused| refused.camera == camera) {
@@ -773,7 +775,8 @@ fn widths(
         let of_it: Vec<&FrameFile> = (0..files.len()).filter(is_of_it).map(|i| &files[i]).collect();
         // The first place will do: other sources are points as wide as the target.
         let place_px = by_hand.first.get(&number).and_then(|first| by_hand.places.get(first));
-        let expected = Expected { place_px: place_px.copied(), ..Expected::default() };
+        let expected =
+            Expected { place_px: place_px.copied().map(DVec2::from), ..Expected::default() };
         // As the first of its frames was taken.
         let first = of_it.iter().find_map(|file| file.read().ok());
         let Some(first) = first else { continue };
@@ -802,7 +805,7 @@ fn widen(options: &mut PhotometryOptions, fwhm_px: f64) {
     let wider = APERTURE_FWHM * fwhm_px / options.aperture_radius_px;
     if wider > 1.0 {
         options.aperture_radius_px *= wider;
-        options.annulus_px = options.annulus_px.map(|radius| radius * wider);
+        options.annulus_px = options.annulus_px.to_array().map(|radius| radius * wider).into();
     }
 }
 

@@ -7,12 +7,14 @@ use super::counts::gate;
 use super::frames::FrameOptions;
 use super::night::ReduceOptions;
 use crate::photometry::{Choice, PhotometryError, PhotometryOptions, Trail};
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, is_name};
 use sunglint_formats::toml::Document;
+use sunglint_numerics::measured::{Interval, pair};
 
 /// Folder of a session that holds its recipes.
 const FOLDER: &str = "reductions";
@@ -30,7 +32,8 @@ pub struct Recipe {
     /// Radius of the aperture, px.
     pub aperture_px: Option<f64>,
     /// Inner and outer radius of the annulus for the background, px.
-    pub annulus_px: Option<[f64; 2]>,
+    #[serde(with = "pair")]
+    pub annulus_px: Option<Interval>,
     /// Full width at half maximum of a point, px.
     pub fwhm_px: Option<f64>,
     /// Standard deviations by which a target stands out of the background.
@@ -69,7 +72,8 @@ pub struct PointedPlace {
     /// Number of the frame.
     pub frame: u64,
     /// Column and row, px: the middle of the first pixel is 0, 0.
-    pub place_px: [f64; 2],
+    #[serde(with = "pair")]
+    pub place_px: DVec2,
 }
 
 /// Frames of a camera that a person refused: they have no rate, and no place of the target.
@@ -171,8 +175,10 @@ impl Recipe {
             return Err(RecipeError { key: "visit", found, expected: "a target beside it" });
         }
         let far = |place: &f64| place.is_nan() || place.abs() > 1e6;
-        if let Some(place) = self.places.iter().find(|place| place.place_px.iter().any(far)) {
-            let [x, y] = place.place_px;
+        if let Some(place) =
+            self.places.iter().find(|place| place.place_px.to_array().iter().any(far))
+        {
+            let [x, y] = place.place_px.to_array();
             let expected = "a column and a row in each place_px";
             return Err(RecipeError { key: "place", found: format!("{x}, {y}"), expected });
         }
@@ -228,7 +234,9 @@ impl Recipe {
             }
         };
         let number = |value: Option<f64>| value.map(|value| format!("{value:?}"));
-        let pair = |value: Option<[f64; 2]>| value.map(|[a, b]| format!("[{a:?}, {b:?}]"));
+        let pair = |value: Option<Interval>| {
+            value.map(|Interval { low: a, high: b }| format!("[{a:?}, {b:?}]"))
+        };
         let yes = |value: bool| value.then(|| "true".to_owned());
         line("target", self.target.as_deref().map(quoted));
         line("visit", self.visit.map(|number| number.to_string()));
@@ -245,7 +253,7 @@ impl Recipe {
         line("gate", number(self.gate));
         line("no_gate", yes(self.no_gate));
         line("no_coupling", yes(self.no_coupling));
-        for PointedPlace { camera, frame, place_px: [x, y] } in &self.places {
+        for PointedPlace { camera, frame, place_px: DVec2 { x, y } } in &self.places {
             let camera = quoted(camera);
             let _ = write!(
                 text,
@@ -305,12 +313,12 @@ mod tests {
             target: Some("a \"b\" \\ \u{1b}\u{7f}é".into()),
             visit: Some(2),
             aperture_px: Some(6.0),
-            annulus_px: Some([9.0, 15.1]),
+            annulus_px: Some([9.0, 15.1].into()),
             area_px: Some([3, 900]),
             min_fill: Some(0.1 + 0.2),
             brightest: true,
             gate: Some(1.5),
-            places: vec![place(7, [10.25, 3.0]), place(9, [1.0 / 3.0, 1e-7])],
+            places: vec![place(7, DVec2::new(10.25, 3.0)), place(9, DVec2::new(1.0 / 3.0, 1e-7))],
             refused: vec![RefusedFrames { camera: "cam".into(), frames: vec![3, 4, 5] }],
             ..Recipe::default()
         };
@@ -322,7 +330,7 @@ mod tests {
         std::fs::write(&path, by_hand).unwrap();
         let read = Recipe::read(&path).unwrap();
         assert_eq!((read.aperture_px, read.detect_sigma), (Some(5.0), Some(4.0)));
-        assert_eq!(read.places[0].place_px, [2.0, 3.0]);
+        assert_eq!(read.places[0].place_px, DVec2::new(2.0, 3.0));
         for (text, line, key) in [
             ("aperture_px = 0\n", ":1", "aperture_px"),
             ("gate = 1\naperture_px = nan\n", ":2", "aperture_px"),

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::Path;
 use sunglint_formats::{Column, Meta, ParseError, Table, Values};
+use sunglint_numerics::measured::{Measured, pair};
 use sunglint_radiometry::light_curve::{Input, Provenance};
 
 /// Version of the format. A reader refuses a later one.
@@ -63,7 +64,8 @@ pub struct Facts {
     /// How the intervals were found.
     pub interval_by: String,
     /// Optical depth of an aerosol that was fitted with κ, at 550 nm, and its standard uncertainty.
-    pub aerosol_depth: Option<[f64; 2]>,
+    #[serde(with = "pair")]
+    pub aerosol_depth: Option<Measured>,
     /// The exponent of Ångström's law that it was fitted with: magnitudes above the air need both.
     pub aerosol_exponent: Option<f64>,
     /// Channels without a κ, and why.
@@ -131,7 +133,7 @@ impl NightFile {
                 common_scatter: Some(found.common_scatter),
                 judged_about_a_slope: found.sloped,
                 interval_by: found.method.to_owned(),
-                aerosol_depth: found.aerosol.map(|a| [a.depth, a.sigma]),
+                aerosol_depth: found.aerosol.map(|a| Measured::new(a.depth, a.sigma)),
                 aerosol_exponent: None,
                 without_kappa: without.collect(),
             },

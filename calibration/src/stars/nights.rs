@@ -9,6 +9,7 @@ use crate::reduction::ReduceError;
 use std::error::Error;
 use std::path::PathBuf;
 use sunglint_formats::FileError;
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::air::{Aerosol, Air, AirError, AirOptions};
 use sunglint_radiometry::light_curve::{Input, Provenance};
 use sunglint_radiometry::passband::ZeroPoint;
@@ -296,7 +297,7 @@ impl Work<'_> {
         let names: Vec<String> = self.station.channels.iter().map(|c| c.name.clone()).collect();
         let mut file = NightFile::new(&visits[0].night, &names, &found);
         if let Some((depth, sigma)) = depth {
-            file.facts.aerosol_depth = Some([depth, sigma]);
+            file.facts.aerosol_depth = Some(Measured::new(depth, sigma));
             file.facts.aerosol_exponent = Some(self.exponent());
         }
         Ok(CalibratedNight { file, found, input, visits: visits.to_vec() })

@@ -57,8 +57,10 @@ fn campaign_detection() {
         exposure.point(place[0], place[1], electrons);
         let frame = exposure.read();
         // The nearest to the expected place, which is 20 px off.
-        let expected =
-            Expected { place_px: Some([place[0] + 16.0, place[1] - 12.0]), ..Expected::default() };
+        let expected = Expected {
+            place_px: Some([place[0] + 16.0, place[1] - 12.0].into()),
+            ..Expected::default()
+        };
         let detection = reducer.detect(&frame, &expected).unwrap();
         let found = detection.target.map(|t| detection.candidates[t].place_px);
         let hit = found.is_some_and(|f| (f[0] - place[0]).hypot(f[1] - place[1]) < 1.5);
@@ -92,7 +94,7 @@ fn of_two_stars_the_right_one() {
                 options.detection.choice = sunglint_calibration::photometry::Choice::Brightest;
             }
             let mut reducer = FrameReducer::new(options, FrameCalibration::default()).unwrap();
-            let expected = Expected { place_px: Some([47.0, 50.0]), ..Expected::default() };
+            let expected = Expected { place_px: Some([47.0, 50.0].into()), ..Expected::default() };
             let measured = reducer.measure(&frame, &expected).unwrap();
             let place = measured.place_px.unwrap();
             assert!((place[0] - x).hypot(place[1] - 50.0) < 0.3, "{apart} {brightest}: {place:?}");
@@ -110,7 +112,7 @@ fn of_two_stars_the_right_one() {
                     .flags
                     .contains(sunglint_radiometry::light_curve::Flags::CROWDED);
                 assert_eq!(flagged, crowded, "{apart} {place:?}");
-                assert_eq!(measured.place_px, Some(place));
+                assert_eq!(measured.place_px, Some(place.into()));
             }
         }
     }
@@ -127,9 +129,12 @@ fn a_trail_is_measured_along_its_length() {
     exposure.streak(from, to, electrons);
     let frame = exposure.read();
     let trail = [to[0] - from[0], to[1] - from[1]];
-    for option in
-        [Trail::Point, Trail::Known(trail), Trail::Known(trail.map(|t| -t)), Trail::Estimated]
-    {
+    for option in [
+        Trail::Point,
+        Trail::Known(trail.into()),
+        Trail::Known(trail.map(|t| -t).into()),
+        Trail::Estimated,
+    ] {
         let options = PhotometryOptions {
             trail: option,
             ..PhotometryOptions::new([120, 120], sky.read_noise_e)
@@ -161,7 +166,7 @@ fn a_trail_is_measured_along_its_length() {
         );
     }
     // One in another direction is not the trail that is known.
-    let other = Trail::Known([-trail[1], trail[0]]);
+    let other = Trail::Known([-trail[1], trail[0]].into());
     let options =
         PhotometryOptions { trail: other, ..PhotometryOptions::new([120, 120], sky.read_noise_e) };
     let mut reducer = FrameReducer::new(options, FrameCalibration::default()).unwrap();

@@ -145,7 +145,7 @@ fn what_cannot_be_measured_is_refused() {
     let dark = Frame { exposure_s: 0.0, ..uniform.clone() };
     assert_eq!(error(&dark), PhotometryError::Exposure { exposure_s: 0.0 });
     let options =
-        PhotometryOptions { annulus_px: [5.0, 20.0], ..PhotometryOptions::new([9, 9], 5.0) };
+        PhotometryOptions { annulus_px: [5.0, 20.0].into(), ..PhotometryOptions::new([9, 9], 5.0) };
     assert_eq!(
         FrameReducer::new(options, FrameCalibration::default()).unwrap_err().to_string(),
         "photometry: annulus_px (inner) is 5, expected the aperture's radius to 1000"
@@ -172,17 +172,17 @@ proptest! {
         values in prop::collection::vec(prop_oneof![Just(0u16), Just(u16::MAX), any::<u16>(), 90u16..110], 1600),
         bayer in prop_oneof![Just(None), Just(Some(Bayer::Rggb)), Just(Some(Bayer::Gbrg))],
         x in -5.0..45.0, y in -5.0..45.0,
-        radius in 0.2..9.0, trail in prop_oneof![Just(None), (-20.0..20.0f64, -20.0..20.0f64).prop_map(|(a, b)| Some([a, b]))],
+        radius in 0.2..9.0, trail in prop_oneof![Just(None), (-20.0..20.0f64, -20.0..20.0f64).prop_map(|(a, b)| Some([a, b].into()))],
         threshold in 0.5..10.0,
     ) {
         let pixels = Array2::from_shape_fn((rows, columns), |(r, c)| values[r * 40 + c]);
         let frame = frame(pixels, Some(1.0), bayer);
         let mut options = PhotometryOptions::new([40, 40], 2.0);
         options.aperture_radius_px = radius;
-        options.annulus_px = [radius + 1.0, radius + 4.0];
+        options.annulus_px = [radius + 1.0, radius + 4.0].into();
         options.detection.threshold_sigma = threshold;
         let mut reducer = FrameReducer::new(options, FrameCalibration::default()).unwrap();
-        let expected = Expected { place_px: Some([x, y]), trail_px: trail, airmass: None };
+        let expected = Expected { place_px: Some([x, y].into()), trail_px: trail, airmass: None };
         for measured in [reducer.measure(&frame, &expected), reducer.measure_at(&frame, [x, y], &expected)] {
             for plane in measured.unwrap().planes {
                 prop_assert_eq!(plane.rate_adu_per_s.is_nan(), plane.sigma.total().is_nan());

@@ -22,7 +22,7 @@ fn draw(signal_to_noise: f64, draws: u64, seed: u64) -> Outcome {
     let options = PhotometryOptions::new([46, 46], sky.read_noise_e);
     let mut reducer = FrameReducer::new(options, FrameCalibration::default()).unwrap();
     let mut exposure = Exposure::of(&sky, seed);
-    let disc = Aperture::disc([22.3, 22.9], 8.0);
+    let disc = Aperture::disc([22.3, 22.9].into(), 8.0);
     let noise2 = disc.area_px2() * (sky.sky_e + sky.read_noise_e.powi(2)) * 1.4;
     let electrons = 0.5
         * signal_to_noise.powi(2)

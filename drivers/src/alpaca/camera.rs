@@ -15,6 +15,7 @@ use std::time::Duration;
 use sunglint_formats::fits::Header;
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::{Bayer, Frame};
+use sunglint_numerics::measured::Interval;
 
 const DEVICE: &str = "Alpaca camera";
 /// Bytes of a pixel in JSON, its comma and its share of a column's brackets among them.
@@ -68,10 +69,10 @@ impl<T: Bytes> Camera<T> {
         let binning = session.optional_number("maxbinx", deadline)?;
         let cools = session.can("cansetccdtemperature", deadline)?;
         let limits = Limits {
-            exposure_s: exposure.map(|(least, most)| [least, most]),
-            gain: gain.map(|(least, most)| [least, most]),
+            exposure_s: exposure.map(|(least, most)| Interval::new(least, most)),
+            gain: gain.map(|(least, most)| Interval::new(least, most)),
             // ASCOM has no range of it.
-            temperature_c: cools.then_some([-100.0, 50.0]),
+            temperature_c: cools.then_some(Interval::new(-100.0, 50.0)),
             binning: binning.filter(|n| (1.0..=64.0).contains(n)).map(|n| n as u32),
             ..Limits::default()
         };
@@ -335,7 +336,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
     }
 
     fn set_gain(&mut self, gain: f64, deadline: &Deadline) -> Result<f64, DeviceError> {
-        let Some([least, most]) = self.limits.gain else {
+        let Some(Interval { low: least, high: most }) = self.limits.gain else {
             let reason = "it has no gain in numbers (GainMin, GainMax)";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         };
@@ -351,7 +352,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
         temperature_c: f64,
         deadline: &Deadline,
     ) -> Result<f64, DeviceError> {
-        let Some([least, most]) = self.limits.temperature_c else {
+        let Some(Interval { low: least, high: most }) = self.limits.temperature_c else {
             let reason = "it has no cooling that can be set";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         };
@@ -370,7 +371,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
             let reason = "an exposure could not be stopped: open it again";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
-        let [least, most] = self.limits.exposure_s.unwrap_or([0.0, 86_400.0]);
+        let [least, most] = self.limits.exposure_s.map_or([0.0, 86_400.0], Interval::to_array);
         if !(least..=most.min(86_400.0)).contains(&exposure_s) {
             let name = "exposure, s";
             return Err(DeviceError::OutOfRange { name, asked: exposure_s, least, most });

@@ -450,7 +450,7 @@ fn abilities<T: Bytes>(
     }
     let rates = match (moves, continuous) {
         (false, _) => MountRates::Absent,
-        (true, true) => MountRates::Continuous { most_deg_s: most },
+        (true, true) => MountRates::Continuous { most_deg_s: most.into() },
         (true, false) => MountRates::Discrete { deg_s: steps },
     };
     let parks = session.can("canpark", deadline)? && session.can("canunpark", deadline)?;
@@ -466,7 +466,7 @@ fn abilities<T: Bytes>(
         axes,
         turns_about,
         rates,
-        least_deg_s: least,
+        least_deg_s: least.into(),
         parks,
         syncs,
         tells_pier_side,

@@ -7,6 +7,7 @@ use crate::device::{
 };
 use crate::transport::Bytes;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 const DEVICE: &str = "Alpaca rotator";
 /// Angles that servers give, deg.
@@ -88,7 +89,7 @@ impl<T: Bytes> Device for Rotator<T> {
 }
 
 impl<T: Bytes> RotationStage for Rotator<T> {
-    fn travel_deg(&self) -> Option<[f64; 2]> {
+    fn travel_deg(&self) -> Option<Interval> {
         None
     }
 

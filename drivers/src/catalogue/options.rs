@@ -3,6 +3,7 @@
 use super::{AddressError, Driver};
 use std::collections::BTreeMap;
 use sunglint_formats::nearest_names;
+use sunglint_numerics::measured::Interval;
 
 /// Kind of values that an option takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,10 +31,11 @@ impl OptionKind {
         }
     }
 
-    pub(super) fn pair(text: &str) -> Option<[f64; 2]> {
+    pub(super) fn pair(text: &str) -> Option<Interval> {
         let (least, most) = text.split_once(',')?;
         let [least, most]: [f64; 2] = [least.trim().parse().ok()?, most.trim().parse().ok()?];
-        (least.is_finite() && most.is_finite() && least < most).then_some([least, most])
+        (least.is_finite() && most.is_finite() && least < most)
+            .then_some(Interval::new(least, most))
     }
 
     /// The word, and the number behind it.

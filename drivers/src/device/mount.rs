@@ -2,7 +2,10 @@
 
 use super::{Device, DeviceError, Origin, Setting, Value};
 use crate::clock::Deadline;
+use glam::DVec2;
 use hifitime::Epoch;
+use sunglint_numerics::axes::Axes;
+use sunglint_numerics::measured::Interval;
 
 /// Pair of axes about which a mount turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,7 +23,7 @@ pub enum MountRates {
     /// Any rate of both axes at once.
     Continuous {
         /// Largest rate of each axis, deg/s.
-        most_deg_s: [f64; 2],
+        most_deg_s: Axes,
     },
     /// A few rates only.
     Discrete {
@@ -62,7 +65,7 @@ pub struct MountAbilities {
     /// The rates that it takes.
     pub rates: MountRates,
     /// Slowest rate of each axis other than none, deg/s: a slower one is sent as the nearer of the two.
-    pub least_deg_s: [f64; 2],
+    pub least_deg_s: Axes,
     /// Whether it can be parked.
     pub parks: bool,
     /// Whether it can be told where it points.
@@ -76,7 +79,7 @@ pub struct MountAbilities {
     /// Whether its own software lifts places by refraction; `None` if it does not say.
     pub refracts: Option<bool>,
     /// Lowest and highest altitude to which it goes, deg, where it says so.
-    pub altitude_deg: Option<[f64; 2]>,
+    pub altitude_deg: Option<Interval>,
 }
 
 impl MountAbilities {
@@ -86,7 +89,7 @@ impl MountAbilities {
             axes,
             turns_about: Some(axes),
             rates,
-            least_deg_s: [0.0; 2],
+            least_deg_s: Axes::default(),
             parks: false,
             syncs: false,
             tells_pier_side: false,
@@ -132,7 +135,7 @@ impl MountAbilities {
     }
 
     /// The largest rates of the two axes, deg/s; `None` without continuous rates.
-    pub fn continuous_deg_s(&self) -> Option<[f64; 2]> {
+    pub fn continuous_deg_s(&self) -> Option<Axes> {
         match self.rates {
             MountRates::Continuous { most_deg_s } => Some(most_deg_s),
             _ => None,
@@ -236,7 +239,7 @@ impl MountReading {
         if let Some(pier) = self.pier {
             add("pier_side", Value::Text(pier.word().into()));
         }
-        if let Some([primary, secondary]) = abilities.continuous_deg_s() {
+        if let Some(Axes { first: primary, second: secondary }) = abilities.continuous_deg_s() {
             add("most_rate_deg_s", Value::Number(primary.min(secondary)));
         }
         settings
@@ -344,7 +347,7 @@ pub trait Mount: Device {
 pub struct Spot {
     /// Offset from the telescope's axis, arcsec, in the tangent plane: towards growing first axis (hour angle or azimuth), and towards growing second axis
     /// (declination or altitude).
-    pub offset_arcsec: [f64; 2],
+    pub offset_arcsec: DVec2,
     /// Brightness, in any unit.
     pub flux: f64,
 }

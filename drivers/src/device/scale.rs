@@ -1,6 +1,7 @@
 //! How a stage's counter and its angle belong together.
 
 use super::{DeviceError, Origin, Setting, Value};
+use sunglint_numerics::measured::Interval;
 
 /// Counts and angles of a rotation stage. An angle is rounded once, to the counter, and never added up.
 #[derive(Debug, Clone, Copy)]
@@ -12,7 +13,7 @@ pub(crate) struct Scale {
     /// The angle at which the counter is 0, deg.
     pub zero_deg: f64,
     /// Angles between which it may stand, deg; `None` if it turns freely.
-    pub travel_deg: Option<[f64; 2]>,
+    pub travel_deg: Option<Interval>,
 }
 
 impl Scale {
@@ -23,8 +24,8 @@ impl Scale {
     /// The counter's value for an angle; [`DeviceError::OutOfRange`] beyond the travel or the counter's 32 bits.
     pub fn counter(&self, angle_deg: f64) -> Result<i32, DeviceError> {
         let reach = f64::from(i32::MAX) / self.counts_per_deg;
-        let free = [self.zero_deg - reach, self.zero_deg + reach];
-        let [least, most] = self.travel_deg.unwrap_or(free);
+        let free = Interval::new(self.zero_deg - reach, self.zero_deg + reach);
+        let [least, most] = self.travel_deg.unwrap_or(free).to_array();
         let counts = ((angle_deg - self.zero_deg) * self.signed()).round();
         let fits = (f64::from(-i32::MAX)..=f64::from(i32::MAX)).contains(&counts);
         if fits && angle_deg >= least && angle_deg <= most {
@@ -48,7 +49,7 @@ impl Scale {
             configured("inverted", Value::Flag(self.inverted)),
             configured("zero_deg", Value::Number(self.zero_deg)),
         ];
-        if let Some([least, most]) = self.travel_deg {
+        if let Some(Interval { low: least, high: most }) = self.travel_deg {
             settings.push(configured("travel_from_deg", Value::Number(least)));
             settings.push(configured("travel_to_deg", Value::Number(most)));
         }

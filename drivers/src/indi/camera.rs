@@ -16,6 +16,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_formats::session::SHARED;
 use sunglint_formats::{Bayer, Frame};
+use sunglint_numerics::measured::Interval;
 
 pub(super) const DEVICE: &str = "INDI camera";
 const KIND: Kind = Kind {
@@ -373,15 +374,15 @@ impl<T: Bytes> Camera<T> {
             let (origin, size) = (window.origin_px[axis], window.size_px[axis]);
             let binning = window.binning[axis];
             let range = match self.session.property("CCD_BINNING") {
-                None => Some([1.0, 1.0]),
+                None => Some(Interval::new(1.0, 1.0)),
                 Some(vector) => vector.range(["HOR_BIN", "VER_BIN"][axis]),
             };
-            let range = range.or(Some([1.0, f64::from(self.sensor_px[axis])]));
+            let range = range.or(Some(Interval::new(1.0, f64::from(self.sensor_px[axis]))));
             check_range(bin_name, binning.into(), range)?;
             let sensor = f64::from(self.sensor_px[axis]);
-            check_range(origin_name, origin.into(), Some([0.0, sensor - 1.0]))?;
+            check_range(origin_name, origin.into(), Some(Interval::new(0.0, sensor - 1.0)))?;
             let most = sensor - f64::from(origin);
-            check_range(size_name, size.into(), Some([binning.into(), most]))?;
+            check_range(size_name, size.into(), Some(Interval::new(binning.into(), most)))?;
             if binning == 0 || origin % binning != 0 {
                 let asked = origin.to_string();
                 let known = format!("the multiples of the binning, {binning}");
@@ -644,10 +645,10 @@ impl<T: Bytes> device::Camera for Camera<T> {
         let range = |name: &str, member: &str| self.session.property(name)?.range(member);
         let cooler = self.session.property("CCD_TEMPERATURE").filter(|vector| vector.writable);
         // A driver that says no range takes all numbers.
-        let any = [f64::MIN, f64::MAX];
+        let any = Interval::new(f64::MIN, f64::MAX);
         let binning = match self.session.property("CCD_BINNING") {
             None => Some(1),
-            Some(vector) => vector.range("HOR_BIN").map(|[_, most]| most as u32),
+            Some(vector) => vector.range("HOR_BIN").map(|range| range.high as u32),
         };
         Some(Limits {
             exposure_s: range("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE"),

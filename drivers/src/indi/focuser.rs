@@ -43,7 +43,7 @@ impl<T: Bytes> Focuser<T> {
     ) -> Result<Self, DeviceError> {
         let mut session = Session::new(line, device, KIND, settings);
         session.define(deadline)?;
-        let range = session.require(PLACE)?.range(VALUE);
+        let range = session.require(PLACE)?.range(VALUE).map(|range| range.to_array());
         let range = match range {
             Some([least, most]) if least < most && least >= -1e9 && most <= 1e9 => {
                 [least.ceil() as i64, most.floor() as i64]

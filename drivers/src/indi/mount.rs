@@ -12,6 +12,8 @@ use crate::transport::{Bytes, TransportError};
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_formats::time::{format_utc, parse_utc};
+use sunglint_numerics::axes::Axes;
+use sunglint_numerics::measured::Interval;
 
 const DEVICE: &str = "INDI telescope";
 const PLACE: &str = "EQUATORIAL_EOD_COORD";
@@ -262,7 +264,7 @@ impl<T: Bytes> Mount<T> {
             let reason = "it takes right ascension and declination, no azimuth and altitude";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         };
-        check_range("declination, deg", dec_deg, Some([-90.0, 90.0]))?;
+        check_range("declination, deg", dec_deg, Some(Interval::new(-90.0, 90.0)))?;
         if self.is_on(PARK, "PARK") == Some(true) {
             let reason = "it is parked: unpark it first";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
@@ -442,11 +444,12 @@ impl<T: Bytes> Mount<T> {
 fn abilities<T: Bytes>(session: &Session<T>) -> MountAbilities {
     let rates = session.property(RATE).map(|vector| {
         let most = RATES.map(|name| {
-            let [least, most] =
-                vector.range(name).unwrap_or([-SIDEREAL_ARCSEC_S, SIDEREAL_ARCSEC_S]);
+            let [least, most] = vector
+                .range(name)
+                .map_or([-SIDEREAL_ARCSEC_S, SIDEREAL_ARCSEC_S], Interval::to_array);
             least.abs().min(most.abs()) / 3600.0
         });
-        MountRates::Continuous { most_deg_s: most }
+        MountRates::Continuous { most_deg_s: most.into() }
     });
     let has = |name| session.property(name).is_some();
     let made_up = session.property(MADE_UP_PIER.0).and_then(|vector| vector.is_on(MADE_UP_PIER.1));
@@ -456,7 +459,7 @@ fn abilities<T: Bytes>(session: &Session<T>) -> MountAbilities {
         axes: MountAxes::Equatorial,
         // A side of the pier is that of an equatorial mount; of others nobody says.
         turns_about: tells_pier_side.then_some(MountAxes::Equatorial),
-        least_deg_s: [0.0; 2],
+        least_deg_s: Axes::default(),
         rates: rates.filter(|_| has_mode).unwrap_or(MountRates::Absent),
         parks: has(PARK),
         syncs: session.property("ON_COORD_SET").is_some_and(|v| v.member("SYNC").is_some()),

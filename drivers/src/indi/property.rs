@@ -3,6 +3,7 @@
 use super::xml::Element;
 use std::collections::BTreeMap;
 use std::fmt;
+use sunglint_numerics::measured::Interval;
 
 /// The state of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,7 +111,7 @@ pub struct Member {
     /// Value of the member.
     pub value: Value,
     /// The least and the most that a number may be; both 0, or not there, if the driver does not say.
-    pub range: Option<[f64; 2]>,
+    pub range: Option<Interval>,
 }
 
 /// A vector: what INDI calls a property.
@@ -171,8 +172,8 @@ impl Vector {
     }
 
     /// The range of a number, where the driver says one.
-    pub fn range(&self, name: &str) -> Option<[f64; 2]> {
-        self.member(name)?.range.filter(|[least, most]| least < most)
+    pub fn range(&self, name: &str) -> Option<Interval> {
+        self.member(name)?.range.filter(|range| range.low < range.high)
     }
 }
 
@@ -406,9 +407,9 @@ fn value(kind: Kind, element: &Element) -> Option<Value> {
     })
 }
 
-fn range(element: &Element) -> Option<[f64; 2]> {
+fn range(element: &Element) -> Option<Interval> {
     let bound = |name| element.attribute(name).and_then(number).filter(|n| n.is_finite());
-    Some([bound("min")?, bound("max")?])
+    Some(Interval::new(bound("min")?, bound("max")?))
 }
 
 /// Takes a change over, all of it or nothing.

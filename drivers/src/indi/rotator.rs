@@ -9,6 +9,7 @@ use crate::device::{
 };
 use crate::transport::Bytes;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 const DEVICE: &str = "INDI rotator";
 const ANGLE: (&str, &str) = ("ABS_ROTATOR_ANGLE", "ANGLE");
@@ -181,7 +182,7 @@ impl<T: Bytes> Device for Rotator<T> {
 }
 
 impl<T: Bytes> RotationStage for Rotator<T> {
-    fn travel_deg(&self) -> Option<[f64; 2]> {
+    fn travel_deg(&self) -> Option<Interval> {
         self.session.property(ANGLE.0)?.range(ANGLE.1)
     }
 

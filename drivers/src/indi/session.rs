@@ -7,6 +7,7 @@ use crate::clock::Deadline;
 use crate::device::{DeviceError, Identity};
 use crate::transport::Bytes;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 /// How to speak to a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -193,9 +194,9 @@ impl<T: Bytes> Session<T> {
 pub(super) fn check_range(
     name: &'static str,
     asked: f64,
-    range: Option<[f64; 2]>,
+    range: Option<Interval>,
 ) -> Result<(), DeviceError> {
-    let [least, most] = range.unwrap_or([f64::MIN, f64::MAX]);
+    let Interval { low: least, high: most } = range.unwrap_or(Interval::new(f64::MIN, f64::MAX));
     if (least..=most).contains(&asked) {
         return Ok(());
     }

@@ -9,6 +9,7 @@ use crate::device::{
 };
 use crate::transport::{Bytes, TransportError};
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 const DEVICE: &str = "INDI filter wheel";
 const SLOT: &str = "FILTER_SLOT";
@@ -75,6 +76,7 @@ impl<T: Bytes> Wheel<T> {
 
     fn read_slots(&mut self) -> Result<(), DeviceError> {
         let range = self.session.require(SLOT)?.member(VALUE).and_then(|member| member.range);
+        let range = range.map(Interval::to_array);
         match range {
             Some([least, most])
                 if least == 1.0 && most.fract() == 0.0 && (1.0..=MOST_SLOTS).contains(&most) =>

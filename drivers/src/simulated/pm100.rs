@@ -14,6 +14,7 @@ use crate::transport::{Transfer, Transfers, TransportError};
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 /// Properties of the meter and its sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +26,7 @@ pub struct Pm100Settings {
     /// The ends of the ranges, W, from the smallest.
     pub ranges_w: Vec<f64>,
     /// The shortest and longest wavelength, nm.
-    pub wavelengths_nm: [f64; 2],
+    pub wavelengths_nm: Interval,
     /// Power that the sensor shows in the dark before it is zeroed, W.
     pub dark_w: f64,
     /// Whether a key has switched it to dBm.
@@ -47,7 +48,7 @@ impl Default for Pm100Settings {
             instrument: "Thorlabs,PM100D,P0000001,2.6.0".into(),
             sensor: "S120C,180101101,24-Jan-2018,1,18,289".into(),
             ranges_w: vec![500e-9, 5e-6, 50e-6, 500e-6, 5e-3, 50e-3],
-            wavelengths_nm: [400.0, 1100.0],
+            wavelengths_nm: Interval::new(400.0, 1100.0),
             dark_w: 0.0,
             shows_dbm: false,
             complaints: Vec::new(),
@@ -176,7 +177,7 @@ impl Pm100 {
     }
 
     fn ask(&mut self, question: &str, argument: &str, now: Duration) -> Option<String> {
-        let [shortest, longest] = self.settings.wavelengths_nm;
+        let [shortest, longest] = self.settings.wavelengths_nm.to_array();
         let ends = (self.settings.ranges_w.first(), self.settings.ranges_w.last());
         let number = |value: f64| format!("{value:.6E}");
         Some(match (question, argument) {
@@ -210,7 +211,7 @@ impl Pm100 {
             "1" | "ON" => Some(true),
             _ => None,
         };
-        let [shortest, longest] = self.settings.wavelengths_nm;
+        let [shortest, longest] = self.settings.wavelengths_nm.to_array();
         match command {
             "SENS:CORR:WAV" => {
                 let nm = number.filter(|nm| (shortest..=longest).contains(nm));

@@ -10,6 +10,7 @@ use crate::device::{
 use crate::reply::{integer, number, power_w};
 use crate::transport::Transfers;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 /// The name of the range that the meter chooses by itself.
 const AUTO: &str = "AUTO";
@@ -141,18 +142,18 @@ impl<T: Transfers> Pm100<T> {
     ///
     /// # Errors
     /// See [`DeviceError`].
-    pub fn wavelengths_nm(&mut self, deadline: &Deadline) -> Result<[f64; 2], DeviceError> {
+    pub fn wavelengths_nm(&mut self, deadline: &Deadline) -> Result<Interval, DeviceError> {
         let least = self.tmc.ask_as("SENS:CORR:WAV? MIN", number, deadline)?;
-        Ok([least, self.tmc.ask_as("SENS:CORR:WAV? MAX", number, deadline)?])
+        Ok(Interval::new(least, self.tmc.ask_as("SENS:CORR:WAV? MAX", number, deadline)?))
     }
 
     /// The ends of the smallest and the largest range, W.
     ///
     /// # Errors
     /// See [`DeviceError`].
-    pub fn range_ends_w(&mut self, deadline: &Deadline) -> Result<[f64; 2], DeviceError> {
+    pub fn range_ends_w(&mut self, deadline: &Deadline) -> Result<Interval, DeviceError> {
         let least = self.tmc.ask_as("SENS:POW:RANG? MIN", number, deadline)?;
-        Ok([least, self.tmc.ask_as("SENS:POW:RANG? MAX", number, deadline)?])
+        Ok(Interval::new(least, self.tmc.ask_as("SENS:POW:RANG? MAX", number, deadline)?))
     }
 
     fn range(&mut self, deadline: &Deadline) -> Result<(bool, f64), DeviceError> {
@@ -267,7 +268,7 @@ impl<T: Transfers> PowerMeter for Pm100<T> {
             let reason = "this sensor is not corrected for the wavelength";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
-        let [least, most] = self.wavelengths_nm(deadline)?;
+        let [least, most] = self.wavelengths_nm(deadline)?.to_array();
         if !(least..=most).contains(&wavelength_nm) {
             let name = "wavelength_nm";
             return Err(DeviceError::OutOfRange { name, asked: wavelength_nm, least, most });
@@ -288,7 +289,7 @@ impl<T: Transfers> PowerMeter for Pm100<T> {
     /// `AUTO`, and the ends of the smallest and the largest range: any power between them may be named (`5mW`), and the
     /// meter takes the range that holds it.
     fn ranges(&mut self, deadline: &Deadline) -> Result<Vec<String>, DeviceError> {
-        let [least, most] = self.range_ends_w(deadline)?;
+        let [least, most] = self.range_ends_w(deadline)?.to_array();
         Ok(vec![AUTO.to_owned(), format!("{least:e}W"), format!("{most:e}W")])
     }
 
@@ -305,7 +306,7 @@ impl<T: Transfers> PowerMeter for Pm100<T> {
             asked: range.to_owned(),
             known: known.join(", "),
         })?;
-        let [least, most] = self.range_ends_w(deadline)?;
+        let [least, most] = self.range_ends_w(deadline)?.to_array();
         // The ends are written with fewer digits than doubles have.
         if asked_w > most * (1.0 + 1e-9) {
             return Err(DeviceError::OutOfRange { name: "range_w", asked: asked_w, least, most });

@@ -9,6 +9,7 @@ use crate::device::{
 };
 use crate::transport::Bytes;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 /// From which side a target is approached, so that the gear's backlash is always taken up in the same direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +56,7 @@ pub struct StageSettings {
     /// The angle at which the module's counter is 0, deg.
     pub zero_deg: f64,
     /// Angles between which it may stand, deg, the approach included; `None` if it turns freely.
-    pub travel_deg: Option<[f64; 2]>,
+    pub travel_deg: Option<Interval>,
     /// From which side targets are approached.
     pub approach: Approach,
     /// How the reference is searched; `None` if the stage has no switch.
@@ -283,7 +284,7 @@ impl<T: Bytes> Device for Stage<T> {
 }
 
 impl<T: Bytes> RotationStage for Stage<T> {
-    fn travel_deg(&self) -> Option<[f64; 2]> {
+    fn travel_deg(&self) -> Option<Interval> {
         self.settings.travel_deg
     }
 

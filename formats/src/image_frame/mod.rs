@@ -17,6 +17,7 @@ mod time;
 use crate::error::{FileError, ParseError};
 use crate::fits::{CardValue, Fits, Hdu, Header, Image, Kind, Pixels};
 use crate::frame::Bayer;
+use crate::wcs::Equatorial;
 use hifitime::Epoch;
 use ndarray::{Array2, Ix2};
 use std::path::{Path, PathBuf};
@@ -146,7 +147,7 @@ pub struct FrameHeader {
     /// Place of the telescope.
     pub site: Option<FrameSite>,
     /// Right ascension and declination that the telescope pointed at, deg, as the mount or the user said them; of date or of J2000.
-    pub pointing_deg: Option<[f64; 2]>,
+    pub pointing_deg: Option<Equatorial>,
     /// Width of a pixel, arcsec, from the focal length or as a program wrote it.
     pub scale_arcsec: Option<f64>,
     /// Whether the first row is at the top (ROWORDER is TOP-DOWN); by the FITS standard it is at the bottom.
@@ -710,7 +711,7 @@ impl Reading<'_> {
 
 impl Reading<'_> {
     /// Where the telescope pointed: texts of right ascension are hours, numbers degrees.
-    fn pointing(&self) -> Option<[f64; 2]> {
+    fn pointing(&self) -> Option<Equatorial> {
         const PAIRS: [[&str; 2]; 4] =
             [["OBJCTRA", "OBJCTDEC"], ["RA", "DEC"], ["CRVAL1", "CRVAL2"], ["TELRA", "TELDEC"]];
         PAIRS.into_iter().find_map(|[ra, dec]| {
@@ -726,7 +727,7 @@ impl Reading<'_> {
             };
             let place = [angle(ra, 15.0)?, angle(dec, 1.0)?];
             let good = (-360.0..=360.0).contains(&place[0]) && place[1].abs() <= 90.0;
-            good.then_some(place)
+            good.then(|| place.into())
         })
     }
 

@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 use serde_json::Value;
+use sunglint_numerics::measured::{Interval, pair};
 
 /// κ of the night, as a calibrated curve's metadata hold it.
 #[derive(Debug, Clone, Deserialize)]
@@ -32,7 +33,8 @@ pub struct KappaRow {
     /// Standard uncertainty of ln κ.
     pub relative_sigma: f64,
     /// Interval of κ.
-    pub interval: [f64; 2],
+    #[serde(with = "pair")]
+    pub interval: Interval,
 }
 
 impl Kappa {

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, ecsv};
+use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::light_curve::Input;
 
 /// Why a folder has no values.
@@ -70,10 +71,10 @@ pub fn is_run(folder: &Path) -> bool {
 
 /// Travel of the stages, as an event of the run says it: a list of four, each `null` or two angles.
 #[must_use]
-pub fn travel_of(devices: &Value) -> [Option<[f64; 2]>; 4] {
+pub fn travel_of(devices: &Value) -> [Option<Interval>; 4] {
     let one = |k: usize| {
         let ends = devices["travel_deg"].get(k)?;
-        Some([ends.get(0)?.as_f64()?, ends.get(1)?.as_f64()?])
+        Some(Interval::new(ends.get(0)?.as_f64()?, ends.get(1)?.as_f64()?))
     };
     [one(0), one(1), one(2), one(3)]
 }

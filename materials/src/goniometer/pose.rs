@@ -8,6 +8,7 @@ use super::bench::{Bench, From};
 use crate::plan::Planned;
 use crate::samples::direction;
 use serde::Serialize;
+use sunglint_numerics::measured::Interval;
 
 /// Angles that differ by less than this are the same, degrees.
 const SAME_DEG: f64 = 1e-3;
@@ -71,7 +72,7 @@ pub struct Kinematics {
     has: [bool; 4],
     from: From,
     /// Angles between which each stage turns, degrees; none where it turns freely.
-    pub travel_deg: [Option<[f64; 2]>; 4],
+    pub travel_deg: [Option<Interval>; 4],
 }
 
 impl Kinematics {
@@ -129,7 +130,9 @@ impl Kinematics {
     #[must_use]
     pub fn reaches(&self, stages: &Angles) -> bool {
         (0..4).all(|k| match (stages[k], self.travel_deg[k]) {
-            (Some(at), Some([least, most])) => (least - 1e-9..=most + 1e-9).contains(&at),
+            (Some(at), Some(Interval { low: least, high: most })) => {
+                (least - 1e-9..=most + 1e-9).contains(&at)
+            }
             _ => true,
         })
     }

@@ -1,7 +1,7 @@
 //! D, σ and the density of visible normals on the squares that the file holds them on.
 
 use crate::ndf::Ndf;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_simulator::surface::{Grid, Warp};
 
@@ -45,7 +45,8 @@ impl Densities {
     }
 
     /// The normal of a point of the square, for light from the azimuth `phi_i`.
-    pub fn normal(&self, phi_i: f64, u: [f64; 2]) -> DVec3 {
+    pub fn normal(&self, phi_i: f64, u: impl Into<DVec2>) -> DVec3 {
+        let u = u.into();
         let phi = TAU * u[1] - PI + if self.isotropic { phi_i } else { 0.0 };
         direction(u[0] * u[0] * FRAC_PI_2, phi)
     }

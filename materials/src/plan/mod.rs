@@ -16,7 +16,7 @@ pub use rig::Rig;
 pub use table::to_table;
 
 use super::ndf::Ndf;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 use sunglint_simulator::surface::Blend;
 
@@ -99,7 +99,7 @@ pub struct Cell {
     /// Which incident azimuth and elevation, row and column of the grid: the indices of the tensor.
     pub index: [usize; 4],
     /// The grid's coordinates, 0…1: along the columns, along the rows.
-    pub u: [f64; 2],
+    pub u: DVec2,
     /// Towards the detector, unit, in the sample's axes (light from the azimuth φ_i).
     pub outgoing: DVec3,
     /// Which measurement gives it; none where the direction is below the horizon or out of the rig's reach.
@@ -258,7 +258,7 @@ fn outgoing(
     let last = (options.side - 1) as f64;
     for row in 0..options.side {
         for column in 0..options.side {
-            let u = [column as f64 / last, row as f64 / last];
+            let u = DVec2::new(column as f64 / last, row as f64 / last);
             let (place, _) = warp.sample(u, &blend);
             let m = densities.normal(phi, place);
             let outgoing = (2.0 * i.dot(m) * m - i).normalize();

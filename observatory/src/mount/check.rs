@@ -17,6 +17,7 @@ use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
     DeviceError, MountAbilities, MountAxes, MountRates, MountReading, MountSite, MountTime,
 };
+use sunglint_numerics::axes::Axes;
 
 /// A mount that lifts places by itself.
 pub(super) const REFRACTS: &str =
@@ -189,7 +190,7 @@ fn check_visits(
     let mount = &MountPlan { refraction, ..mount.clone() };
     let axes = abilities.axes;
     // Where the telescope stands when the visit before ends.
-    let mut stands: Option<[f64; 2]> = None;
+    let mut stands: Option<Axes> = None;
     // From when on it may set out for a visit: not before the night, nor while another visit is on.
     let mut may_go = match plan.clock {
         NightClock::Computer => plan.from.max(options.now),
@@ -244,7 +245,7 @@ fn check_visits(
                 keyhole.from_s, keyhole.to_s, keyhole.lost_s(), keyhole.asked_deg_s
             ));
         }
-        let [a, b] = pass.fastest_deg_s;
+        let [a, b] = pass.fastest_deg_s.to_array();
         let sun = if pass.sun_cone_holds {
             format!(", {:.0}° from the Sun", pass.sun_deg)
         } else {
@@ -259,18 +260,18 @@ fn check_visits(
 fn tell_way(
     about: &str,
     mount: &MountPlan,
-    slew_deg: Option<[f64; 2]>,
+    slew_deg: Option<Axes>,
     [free, from, to]: [Epoch; 3],
     found: &mut Preflight,
 ) {
-    let way_s = slew_deg.map_or(mount.farthest_s(), |way| mount.way_s(way));
+    let way_s = slew_deg.map_or(mount.farthest_s(), |way| mount.way_s(way.to_array()));
     let (left_s, length_s) = ((from - free).to_seconds(), (to - from).to_seconds());
     let lost_s = way_s - left_s;
     if lost_s <= 1.0 {
         return;
     }
     match slew_deg {
-        Some([a, b]) if lost_s >= length_s => found.error(about, format!(
+        Some(Axes { first: a, second: b }) if lost_s >= length_s => found.error(about, format!(
             "the way there takes about {way_s:.0} s ({:.0}° and {:.0}° at {} °/s): nothing is left of its {length_s:.0} s",
             a.abs(), b.abs(), mount.slew_deg_s()
         )),

@@ -10,7 +10,8 @@ use hifitime::{Epoch, Unit};
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::session::{Target, TargetKind};
 use sunglint_formats::toml::Positive;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
+use sunglint_numerics::measured::Interval;
+use sunglint_radiometry::sky::{AzimuthAltitude, Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
 
 /// How long before its visit the mount goes to a target, s.
@@ -122,7 +123,7 @@ impl Job {
         };
         let from = lead.max(now);
         let path = make(from, self.to)?;
-        let [first_s, last_s] = allowed(&path, guard)?;
+        let [first_s, last_s] = allowed(&path, guard)?.to_array();
         if first_s <= 0.0 && last_s + STEP_S >= path.seconds() {
             return Ok(path);
         }
@@ -165,10 +166,12 @@ impl Job {
             let span = (slot.from, length_s.clamp(1.0, MOST_S));
             let pass =
                 TargetPath::new(&orbit, site, earth, span, MountAxes::Horizontal, refraction)?;
-            let [first_s, last_s] = allowed(&pass, guard).unwrap_or([0.0, pass.seconds()]);
+            let [first_s, last_s] =
+                allowed(&pass, guard).map_or([0.0, pass.seconds()], Interval::to_array);
             let at_s = if *before { last_s } else { first_s };
-            let [azimuth, altitude] = angles(pass.at(at_s).direction);
-            let horizontal = [azimuth, altitude + beside_deg];
+            let at = angles(pass.at(at_s).direction);
+            let horizontal =
+                AzimuthAltitude { azimuth_deg: at.first, altitude_deg: at.second + beside_deg };
             return Ok(TargetPath::fixed(horizontal, site, earth, span, axes)?);
         }
         Ok(TargetPath::new(&orbit, site, earth, span, axes, refraction)?)
@@ -179,7 +182,7 @@ impl Job {
 ///
 /// # Errors
 /// Why it may not at the path's beginning, where there is no such stretch of ten seconds.
-pub fn allowed(path: &TargetPath, guard: &Guard) -> Result<[f64; 2], Danger> {
+pub fn allowed(path: &TargetPath, guard: &Guard) -> Result<Interval, Danger> {
     let count = (path.seconds() / STEP_S) as usize;
     let mut first: Option<f64> = None;
     let mut why = None;
@@ -188,7 +191,9 @@ pub fn allowed(path: &TargetPath, guard: &Guard) -> Result<[f64; 2], Danger> {
         let enu = path.frame().to_enu(path.at(time_s).direction);
         match (guard.check_place(enu, path.epoch(time_s)), first) {
             (Ok(()), None) => first = Some(time_s),
-            (Err(_), Some(from)) if time_s - from >= 10.0 => return Ok([from, time_s - STEP_S]),
+            (Err(_), Some(from)) if time_s - from >= 10.0 => {
+                return Ok(Interval::new(from, time_s - STEP_S));
+            }
             (Err(danger), _) => {
                 first = None;
                 why.get_or_insert(danger);
@@ -197,8 +202,8 @@ pub fn allowed(path: &TargetPath, guard: &Guard) -> Result<[f64; 2], Danger> {
         }
     }
     match (first, why) {
-        (Some(from), _) => Ok([from, path.seconds()]),
+        (Some(from), _) => Ok(Interval::new(from, path.seconds())),
         (None, Some(danger)) => Err(danger),
-        (None, None) => Ok([0.0, path.seconds()]),
+        (None, None) => Ok(Interval::new(0.0, path.seconds())),
     }
 }

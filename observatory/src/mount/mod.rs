@@ -39,7 +39,7 @@ use sunglint_drivers::device::{
     DeviceError, Finder, Mount, MountAbilities, MountAxes, MountMotion, MountSite,
 };
 use sunglint_formats::session::{Target, What};
-use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::sky::{AzimuthAltitude, EarthOrientation};
 use sunglint_radiometry::station::Station;
 
 const DEVICE: &str = "mount";
@@ -91,7 +91,7 @@ pub struct MountWork {
     /// The person's wish at the last look.
     wanted: Want,
     /// Azimuth and altitude where it stands, and the Sun's distance from there, deg.
-    at_deg: Option<([f64; 2], f64)>,
+    at_deg: Option<(AzimuthAltitude, f64)>,
     /// The visit in which somebody else stopped the mount.
     by_hand: Option<(Target, Epoch)>,
     /// Whether a parked mount may be freed: before the night's first motion, and after we parked it.
@@ -538,7 +538,7 @@ impl MountWork {
     fn line(&mut self, state: &str, step: Option<&TrackStep>, axes: MountAxes, worker: &Worker) {
         let (utc, now) = (worker.clock.utc(), worker.clock.clock.now());
         if let Some(step) = step {
-            self.at_deg = Some(([step.azimuth_deg, step.altitude_deg], step.sun_deg));
+            self.at_deg = Some(([step.azimuth_deg, step.altitude_deg].into(), step.sun_deg));
         }
         worker.status.mount(
             &worker.name,
@@ -562,9 +562,9 @@ impl MountWork {
             device: worker.name.clone(),
             state: state.to_owned(),
             axes: axes_word(axes).to_owned(),
-            target_deg: step.map(|step| step.target_deg),
-            read_deg: step.map(|step| step.mount_deg),
-            commanded_deg_s: step.map(|step| step.commanded_deg_s),
+            target_deg: step.map(|step| step.target_deg.to_array()),
+            read_deg: step.map(|step| step.mount_deg.to_array()),
+            commanded_deg_s: step.map(|step| step.commanded_deg_s.to_array()),
             error_arcsec: step.map(|step| step.error_arcsec),
             seen_arcsec: step.and_then(|step| step.seen_arcsec),
             ahead_s: satellite.map(|step| step.ahead_s),
@@ -629,13 +629,13 @@ impl MountWork {
         let axes = mount.abilities().axes;
         let fixed = |place: [f64; 2]| {
             let earth = EarthOrientation::embedded();
-            TargetPath::fixed(place, &self.station.site, earth, (utc, 300.0), axes)
+            TargetPath::fixed(place.into(), &self.station.site, earth, (utc, 300.0), axes)
         };
         let Ok(zenith) = fixed([180.0, 80.0]) else { return Ok(()) };
         let here = zenith.frame().to_enu(direction(zenith.angles_of(&reading)));
-        let [azimuth, altitude] = angles(here);
+        let [azimuth, altitude] = angles(here).to_array();
         let sun = guard.sun_distance_deg(here, utc);
-        self.at_deg = Some(([azimuth.rem_euclid(360.0), altitude], sun));
+        self.at_deg = Some(([azimuth.rem_euclid(360.0), altitude].into(), sun));
         // The way has to be free of the Sun for as long as a slew may take, and the telescope has to be gone before.
         let later = utc + (AHEAD_MIN * 60.0).max(2.0 * self.plan.slew_within_s()) * Unit::Second;
         let Some(danger) = [utc, later].iter().find_map(|at| guard.check_sun(here, *at).err())

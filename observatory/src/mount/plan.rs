@@ -2,6 +2,7 @@
 
 use crate::plan::VIRTUAL_ADDRESS;
 use crate::telescope::TrackOptions;
+use glam::DVec2;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -215,11 +216,11 @@ impl MountPlan {
     }
 
     /// Where the target is kept, px from the middle of the sensor: columns, rows.
-    pub fn aim_px(&self, station: &Station) -> [f64; 2] {
+    pub fn aim_px(&self, station: &Station) -> DVec2 {
         if let Some(aim) = self.aim_px {
-            return aim.map(Finite::get);
+            return aim.map(Finite::get).into();
         }
-        let fibres: Vec<[f64; 2]> = station
+        let fibres: Vec<DVec2> = station
             .channels
             .iter()
             .filter_map(|channel| match &channel.detector {
@@ -228,7 +229,7 @@ impl MountPlan {
             })
             .collect();
         let count = fibres.len().max(1) as f64;
-        [0, 1].map(|axis| fibres.iter().map(|offset| offset[axis]).sum::<f64>() / count)
+        [0, 1].map(|axis| fibres.iter().map(|offset| offset[axis]).sum::<f64>() / count).into()
     }
 
     /// How the camera sees the mount's axes; `None` without a camera.
@@ -346,21 +347,21 @@ pub struct View {
     /// Side of the pier on which this holds.
     pub side: Option<PierSide>,
     /// Where the target is kept, px from the middle of the sensor.
-    pub aim_px: [f64; 2],
+    pub aim_px: DVec2,
 }
 
 impl View {
     /// Offset along the growing axes of a light at a place of the sensor from where the target is kept, arcsec. The place counts from the middle of the sensor: columns, rows.
-    pub fn offset_arcsec(&self, from_middle_px: [f64; 2]) -> [f64; 2] {
+    pub fn offset_arcsec(&self, from_middle_px: DVec2) -> DVec2 {
         let [column, row] = [0, 1].map(|i| from_middle_px[i] - self.aim_px[i]);
-        self.along_axes([self.scale_arcsec * column, -self.scale_arcsec * row])
+        self.along_axes(DVec2::new(self.scale_arcsec * column, -self.scale_arcsec * row))
     }
 
     /// A way along the growing axes of a way in the frame: to the right and up.
-    pub fn along_axes(&self, [right, up]: [f64; 2]) -> [f64; 2] {
+    pub fn along_axes(&self, DVec2 { x: right, y: up }: DVec2) -> DVec2 {
         let right = if self.mirrored { -right } else { right };
         let (sin, cos) = self.angle_deg.to_radians().sin_cos();
-        [cos * right - sin * up, sin * right + cos * up]
+        DVec2::new(cos * right - sin * up, sin * right + cos * up)
     }
 }
 

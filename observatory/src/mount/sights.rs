@@ -2,6 +2,7 @@
 
 use super::plan::View;
 use crate::spots::lights;
+use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -41,12 +42,14 @@ impl Placed {
     }
 
     /// Place on the sensor from its middle, px, of a place in the frame, whose first pixel's middle is 0, 0.
-    fn beside_middle(&self, at_px: [f64; 2], sensor_px: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|i| {
-            // The first pixel's middle lies half a pixel from the edge.
-            let at = f64::from(self.origin[i]) + (at_px[i] + 0.5) * f64::from(self.binning[i]);
-            at - 0.5 * sensor_px[i]
-        })
+    fn beside_middle(&self, at_px: DVec2, sensor_px: DVec2) -> DVec2 {
+        [0, 1]
+            .map(|i| {
+                // The first pixel's middle lies half a pixel from the edge.
+                let at = f64::from(self.origin[i]) + (at_px[i] + 0.5) * f64::from(self.binning[i]);
+                at - 0.5 * sensor_px[i]
+            })
+            .into()
     }
 }
 
@@ -57,7 +60,7 @@ pub struct Sights {
     frames: Mutex<VecDeque<FinderFrame>>,
     known: Mutex<VecDeque<Placed>>,
     /// Columns and rows of the sensor.
-    sensor_px: Mutex<[f64; 2]>,
+    sensor_px: Mutex<DVec2>,
 }
 
 impl Sights {
@@ -77,11 +80,12 @@ impl Sights {
 
     /// The camera's sensor, px.
     pub fn sensor(&self, size_px: [u32; 2]) {
-        *self.sensor_px.lock().unwrap_or_else(PoisonError::into_inner) = size_px.map(f64::from);
+        *self.sensor_px.lock().unwrap_or_else(PoisonError::into_inner) =
+            size_px.map(f64::from).into();
     }
 
     /// Columns and rows of the sensor, px; 0 before the camera is open.
-    pub fn sensor_px(&self) -> [f64; 2] {
+    pub fn sensor_px(&self) -> DVec2 {
         *self.sensor_px.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -92,15 +96,17 @@ impl Sights {
 
     /// Half of the sensor's smaller side on the sky, arcsec.
     pub fn half_arcsec(&self) -> f64 {
-        let [columns, rows] = self.sensor_px();
+        let DVec2 { x: columns, y: rows } = self.sensor_px();
         0.5 * self.view.scale_arcsec * columns.min(rows)
     }
 
     /// Takes a frame of a sensor of this size.
     pub fn see(&self, frame: &Frame, sensor_px: [u32; 2]) {
-        let (placed, sensor) = (Placed::of(frame), sensor_px.map(f64::from));
+        let (placed, sensor) = (Placed::of(frame), sensor_px.map(f64::from).into());
         let spots = lights(frame.pixels.view()).into_iter().map(|light| Spot {
-            offset_arcsec: self.view.offset_arcsec(placed.beside_middle(light.at_px, sensor)),
+            offset_arcsec: self
+                .view
+                .offset_arcsec(placed.beside_middle(light.at_px.into(), sensor)),
             flux: light.flux_adu / frame.exposure_s.max(1e-6),
         });
         let seen = FinderFrame { middle: placed.middle(), spots: spots.collect() };
@@ -123,7 +129,7 @@ impl Sights {
     ///
     /// # Errors
     /// In words: a frame that is too old, a place outside.
-    pub fn place(&self, start: Epoch, place_px: [f64; 2]) -> Result<(Epoch, [f64; 2]), String> {
+    pub fn place(&self, start: Epoch, place_px: DVec2) -> Result<(Epoch, DVec2), String> {
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         // Start times travel in seconds.
         let is_it = |placed: &&Placed| (placed.start - start).to_seconds().abs() < 5e-4;
@@ -177,10 +183,10 @@ mod tests {
             angle_deg,
             mirrored,
             side: None,
-            aim_px: [5.0, -3.0],
+            aim_px: DVec2::new(5.0, -3.0),
         };
-        let place = [15.0, -23.0];
-        let near = |found: [f64; 2], expected: [f64; 2]| {
+        let place = DVec2::new(15.0, -23.0);
+        let near = |found: DVec2, expected: [f64; 2]| {
             let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
             assert!(off < 1e-9, "{found:?} {expected:?}");
         };
@@ -217,7 +223,7 @@ mod tests {
             found.spots[0].offset_arcsec
         };
         // The middle of a sensor of 100 by 80 lies at column 49.5, row 39.5.
-        let close = |found: [f64; 2]| {
+        let close = |found: DVec2| {
             let off = (found[0] - 20.0).hypot(found[1] - 40.0);
             assert!(off < 0.3, "{found:?}");
         };

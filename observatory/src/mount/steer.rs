@@ -2,6 +2,7 @@
 
 use super::sights::Sights;
 use crate::telescope::{Order, Orders};
+use glam::DVec2;
 use hifitime::Epoch;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -73,8 +74,8 @@ impl Steering {
         &self,
         camera: &str,
         start: Epoch,
-        place_px: [f64; 2],
-    ) -> Result<(Epoch, [f64; 2]), String> {
+        place_px: DVec2,
+    ) -> Result<(Epoch, DVec2), String> {
         let Some(sights) = &self.sights else {
             return Err(
                 "the plan's [mount] names no camera: pixels are no places on the sky".into()
@@ -89,7 +90,7 @@ impl Steering {
     }
 
     /// A way in the frames of the mount's camera, to the right and up, arcsec, along the growing axes; without a camera the axes themselves.
-    pub fn along_axes(&self, way_arcsec: [f64; 2]) -> [f64; 2] {
+    pub fn along_axes(&self, way_arcsec: DVec2) -> DVec2 {
         self.sights.as_ref().map_or(way_arcsec, |sights| sights.view().along_axes(way_arcsec))
     }
 

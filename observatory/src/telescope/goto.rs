@@ -13,7 +13,9 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, Mount, MountMotion, MountReading, PierSide};
-use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Site, Star, StarError};
+use sunglint_radiometry::sky::{
+    AzimuthAltitude, EarthOrientation, Equatorial, Site, Star, StarError,
+};
 
 /// Length of the path towards a target, s.
 const PATH_S: f64 = 900.0;
@@ -40,8 +42,8 @@ const CANCELLED: DeviceError = DeviceError::Cancelled { device: "mount", action:
 pub enum GotoTarget {
     /// A star, or any place among them.
     Star(Box<Star>),
-    /// Azimuth and altitude, deg.
-    Horizontal([f64; 2]),
+    /// A place over the horizon.
+    Horizontal(AzimuthAltitude),
 }
 
 /// How to go.
@@ -124,8 +126,8 @@ pub enum GotoError {
 pub struct Looks {
     /// Middle of its exposure.
     pub middle: Epoch,
-    /// Right ascension and declination of its middle, deg, ICRS.
-    pub sky_deg: [f64; 2],
+    /// Right ascension and declination of its middle, ICRS.
+    pub sky_deg: Equatorial,
     /// Direction of its upward rows (towards row 0), deg from north through east.
     pub up_deg: f64,
     /// Whether it is mirrored: east is to the right where north is up.
@@ -224,7 +226,7 @@ impl Goto<'_> {
             }
             // What is parked or stopped from now on is somebody else's.
             self.options.track.unpark = false;
-            let keep = orders.keep_arcsec().map(|arcsec| -arcsec);
+            let keep = orders.keep_arcsec().to_array().map(|arcsec| -arcsec);
             let off_arcsec = |reading: &MountReading| {
                 let wanted = path.at(path.time_s(reading.utc)).direction;
                 let stands = direction(path.angles_of(reading));
@@ -263,7 +265,7 @@ impl Goto<'_> {
 
     /// The axes of a mount on this side of the pier, as a frame sees them that looks there.
     fn camera(&self, looks: &Looks, pier: Option<PierSide>) -> Result<CameraAxes, GotoError> {
-        let [ra, dec] = looks.sky_deg.map(f64::to_radians);
+        let [ra, dec] = looks.sky_deg.to_array().map(f64::to_radians);
         let middle = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
         let north = DVec3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
         let east = DVec3::new(-ra.sin(), ra.cos(), 0.0);
@@ -315,8 +317,7 @@ impl Goto<'_> {
                 _ => {}
             }
             let looks = looked.map_err(GotoError::Blind)?;
-            let [ra_deg, dec_deg] = looks.sky_deg;
-            let star = Star::at("the frame's middle", Equatorial { ra_deg, dec_deg })?;
+            let star = Star::at("the frame's middle", looks.sky_deg)?;
             let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
             let seen_at = seen.at(0.0).direction;
             camera = Some(self.camera(&looks, after.pier)?);
@@ -341,7 +342,7 @@ impl Goto<'_> {
             }
             // The mount's own places are off by so much here.
             let (keep, off) = (orders.keep_arcsec(), off_of(wanted, seen_at));
-            orders.keep([0, 1].map(|i| keep[i] + off[i]));
+            orders.keep([0, 1].map(|i| keep[i] + off[i]).into());
         }
     }
 }

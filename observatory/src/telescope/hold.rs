@@ -13,7 +13,7 @@ const FAINTER: f64 = 0.2;
 #[derive(Debug, Clone)]
 pub(super) struct Hold {
     /// Offset of the star from where the prediction shows it, along the growing axes, arcsec.
-    pub off: [f64; 2],
+    pub(crate) off: [f64; 2],
     /// Offset that a person gave, arcsec: about it the star is looked for.
     given: [f64; 2],
     /// Whether it was found.
@@ -36,20 +36,20 @@ impl Hold {
     }
 
     /// A person said which light is the star: its offset from the prediction, arcsec, as of now.
-    pub fn lock(&mut self, off: [f64; 2], now_s: f64) {
+    pub(crate) fn lock(&mut self, off: [f64; 2], now_s: f64) {
         (self.locked, self.off, self.given, self.seen_s) = (true, off, off, Some(now_s));
         (self.candidate, self.flux) = (None, None);
     }
 
     /// A person said that the star is believed to be elsewhere by so much, arcsec.
-    pub fn shift(&mut self, by: [f64; 2]) {
+    pub(crate) fn shift(&mut self, by: [f64; 2]) {
         self.off = [0, 1].map(|i| self.off[i] + by[i]);
         self.given = [0, 1].map(|i| self.given[i] + by[i]);
         self.candidate = None;
     }
 
     /// Learns from a frame: offsets of the lights from the prediction, arcsec, with their brightness.
-    pub fn learn(&mut self, spots: &[([f64; 2], f64)], time_s: f64) -> Found {
+    pub(crate) fn learn(&mut self, spots: &[([f64; 2], f64)], time_s: f64) -> Found {
         let distance = |off: &[f64; 2], from: &[f64; 2]| (off[0] - from[0]).hypot(off[1] - from[1]);
         if self.locked && self.seen_s.is_some_and(|seen| time_s - seen > self.coast_s) {
             (self.locked, self.candidate, self.flux) = (false, None, None);

@@ -7,7 +7,10 @@ use sunglint_drivers::device::{MountAxes, MountPlace, MountReading};
 use sunglint_ephemeris::geometry::GeometryError;
 use sunglint_ephemeris::motion::{AxisMotion, Motion, equatorial_axes, horizontal_axes};
 use sunglint_ephemeris::orbit::Orbit;
-use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, SkyError, SkyFrames, Star};
+use sunglint_numerics::axes::Axes;
+use sunglint_radiometry::sky::{
+    AzimuthAltitude, EarthOrientation, Observer, Site, SkyError, SkyFrames, Star,
+};
 
 /// Time between two points of a path, s. Between them a cubic through places and rates errs by (1 s · ω)⁴/384: 5e-5″ at 1 °/s.
 const STEP_S: f64 = 0.5;
@@ -66,14 +69,15 @@ impl Frame {
 }
 
 /// The direction at two angles of the axes, deg.
-pub fn direction(angle_deg: [f64; 2]) -> DVec3 {
+pub fn direction(angle_deg: impl Into<Axes>) -> DVec3 {
+    let angle_deg = angle_deg.into();
     let (sin1, cos1) = angle_deg[0].to_radians().sin_cos();
     let (sin2, cos2) = angle_deg[1].to_radians().sin_cos();
     DVec3::new(cos2 * sin1, cos2 * cos1, sin2)
 }
 
 /// The two angles of a direction in the axes, deg.
-pub fn angles(direction: DVec3) -> [f64; 2] {
+pub fn angles(direction: DVec3) -> Axes {
     AxisMotion::of(direction, DVec3::ZERO).angle_deg
 }
 
@@ -180,18 +184,18 @@ impl TargetPath {
         })
     }
 
-    /// The path of a place that stands over the horizon: azimuth and altitude, deg, as the mount should show them.
+    /// The path of a place that stands over the horizon, as the mount should show it.
     ///
     /// # Errors
     /// See [`PathError`].
     pub fn fixed(
-        horizontal_deg: [f64; 2],
+        horizontal: AzimuthAltitude,
         site: &Site,
         earth: &EarthOrientation,
         span: (Epoch, f64),
         axes: MountAxes,
     ) -> Result<Self, PathError> {
-        let enu = direction(horizontal_deg);
+        let enu = direction(horizontal.to_array());
         Self::of(site, earth, span, axes, false, &mut |_| Ok((enu, DVec3::ZERO)))
     }
 
@@ -315,16 +319,16 @@ impl TargetPath {
     }
 
     /// The angles of the axes at which a mount says that it stands, deg.
-    pub fn angles_of(&self, reading: &MountReading) -> [f64; 2] {
+    pub fn angles_of(&self, reading: &MountReading) -> Axes {
         let time_s = self.time_s(reading.utc);
         self.angles_at(reading.place, time_s)
     }
 
     /// The angles of the axes at a place, deg.
-    pub fn angles_at(&self, place: MountPlace, time_s: f64) -> [f64; 2] {
+    pub fn angles_at(&self, place: MountPlace, time_s: f64) -> Axes {
         match (place, self.frame.axes) {
             (MountPlace::Equatorial { ra_deg, dec_deg }, axes) => {
-                let equatorial = [wrapped(self.sidereal_deg(time_s) - ra_deg), dec_deg];
+                let equatorial = Axes::new(wrapped(self.sidereal_deg(time_s) - ra_deg), dec_deg);
                 match axes {
                     MountAxes::Equatorial => equatorial,
                     MountAxes::Horizontal => {
@@ -333,7 +337,7 @@ impl TargetPath {
                 }
             }
             (MountPlace::Horizontal { azimuth_deg, altitude_deg }, axes) => {
-                let horizontal = [wrapped(azimuth_deg), altitude_deg];
+                let horizontal = Axes::new(wrapped(azimuth_deg), altitude_deg);
                 match axes {
                     MountAxes::Horizontal => horizontal,
                     MountAxes::Equatorial => {
@@ -345,7 +349,8 @@ impl TargetPath {
     }
 
     /// The place of two angles of the axes, as mounts with these axes take it.
-    pub fn place_of(&self, angle_deg: [f64; 2], time_s: f64) -> MountPlace {
+    pub fn place_of(&self, angle_deg: impl Into<Axes>, time_s: f64) -> MountPlace {
+        let angle_deg = angle_deg.into();
         match self.frame.axes {
             MountAxes::Horizontal => MountPlace::Horizontal {
                 azimuth_deg: angle_deg[0].rem_euclid(360.0),

@@ -7,6 +7,7 @@ use super::tracker::TrackOptions;
 use serde::Serialize;
 use sunglint_drivers::device::{MountAbilities, MountAxes};
 use sunglint_formats::time::format_utc;
+use sunglint_numerics::axes::Axes;
 
 /// Step in which a path is looked at, s.
 const STEP_S: f64 = 0.5;
@@ -90,17 +91,17 @@ pub struct PassPlan {
     /// Kind of the axes: `equatorial` (hour angle, declination) or `horizontal` (azimuth, altitude).
     pub axes: &'static str,
     /// Angles at the beginning, deg.
-    pub begin_deg: [f64; 2],
+    pub begin_deg: Axes,
     /// Angles at the end, deg.
-    pub end_deg: [f64; 2],
+    pub end_deg: Axes,
     /// Highest altitude, deg.
     pub highest_deg: f64,
     /// Fastest rates that the path asks of the two axes, deg/s.
-    pub fastest_deg_s: [f64; 2],
+    pub fastest_deg_s: Axes,
     /// Largest rates of the mount, deg/s, where it takes rates.
-    pub mount_deg_s: Option<[f64; 2]>,
+    pub mount_deg_s: Option<Axes>,
     /// Way of the two axes from where the mount stands to the beginning, deg.
-    pub slew_deg: Option<[f64; 2]>,
+    pub slew_deg: Option<Axes>,
     /// Whether the way to the beginning goes over another place, to keep off the Sun.
     pub detour: bool,
     /// Times of the path at which the target crosses the meridian above the pole: a German mount turns over there, s.
@@ -128,7 +129,7 @@ impl PassPlan {
         path: &TargetPath,
         guard: &Guard,
         abilities: &MountAbilities,
-        stands_deg: Option<[f64; 2]>,
+        stands_deg: Option<Axes>,
         options: &TrackOptions,
     ) -> Self {
         let frame = path.frame();
@@ -142,7 +143,7 @@ impl PassPlan {
             let place = path.at(time_s);
             let enu = frame.to_enu(place.direction);
             let motion = sunglint_ephemeris::motion::AxisMotion::of(place.direction, place.per_s);
-            for (most, rate) in fastest.iter_mut().zip(motion.deg_s) {
+            for (most, rate) in fastest.iter_mut().zip(motion.deg_s.to_array()) {
                 *most = most.max(rate.abs());
             }
             highest = highest.max(path.altitude_deg(time_s));
@@ -185,10 +186,10 @@ impl PassPlan {
             begin_deg,
             end_deg: angles(path.at(path.seconds()).direction),
             highest_deg: highest,
-            fastest_deg_s: fastest,
+            fastest_deg_s: fastest.into(),
             mount_deg_s,
             slew_deg: stands_deg
-                .map(|stands| [wrapped(begin_deg[0] - stands[0]), begin_deg[1] - stands[1]]),
+                .map(|stands| [wrapped(begin_deg[0] - stands[0]), begin_deg[1] - stands[1]].into()),
             detour,
             meridian_s,
             turns_over: abilities.tells_pier_side,

@@ -356,7 +356,7 @@ impl Guard {
                 ends.push([a[0] + first + 180.0, over]);
             }
             for end in ends {
-                least = least.min(rectangle_deg(a, end, frame.of_enu(sun)));
+                least = least.min(rectangle_deg(a.to_array(), end, frame.of_enu(sun)));
             }
         }
         least
@@ -465,7 +465,7 @@ fn great_circle_deg(a: DVec3, b: DVec3, sun: DVec3) -> f64 {
 fn rectangle_deg(a: [f64; 2], b: [f64; 2], sun: DVec3) -> f64 {
     let low = [a[0].min(b[0]), a[1].min(b[1])];
     let high = [a[0].max(b[0]), a[1].max(b[1])];
-    let s = angles(sun);
+    let s = angles(sun).to_array();
     for s in [s, [s[0] + 180.0, 180.0 - s[1]], [s[0] + 180.0, -180.0 - s[1]]] {
         let within = (low[1]..=high[1]).contains(&s[1]);
         let turns = [-2.0, -1.0, 0.0, 1.0, 2.0]

@@ -1,5 +1,6 @@
 //! Orders of a person to a tracker while it follows.
 
+use glam::DVec2;
 use hifitime::Epoch;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,18 +17,18 @@ pub enum Order {
         /// Middle of the frame's exposure.
         middle: Epoch,
         /// Offset of the light.
-        offset_arcsec: [f64; 2],
+        offset_arcsec: DVec2,
     },
     /// The target is kept at this offset from the finder's middle from now on, in later visits, too.
     Keep {
         /// Offset of the target.
-        offset_arcsec: [f64; 2],
+        offset_arcsec: DVec2,
     },
     /// The telescope looks by so much beside where it looks now: at a target that is followed by its light the light is kept elsewhere in the frame; without light
     /// the target is believed to be there.
     Jog {
         /// Way on the sky.
-        arcsec: [f64; 2],
+        arcsec: DVec2,
     },
 }
 
@@ -35,7 +36,7 @@ pub enum Order {
 struct Inner {
     waiting: VecDeque<Order>,
     refused: Vec<String>,
-    keep_arcsec: [f64; 2],
+    keep_arcsec: DVec2,
 }
 
 /// Orders on their way to a tracker, and what became of them.
@@ -61,7 +62,7 @@ impl Orders {
     }
 
     /// Where the target is kept from the finder's middle, arcsec.
-    pub fn keep_arcsec(&self) -> [f64; 2] {
+    pub fn keep_arcsec(&self) -> DVec2 {
         self.inner().keep_arcsec
     }
 
@@ -79,7 +80,7 @@ impl Orders {
         self.inner().waiting.pop_front()
     }
 
-    pub(super) fn keep(&self, offset_arcsec: [f64; 2]) {
+    pub(super) fn keep(&self, offset_arcsec: DVec2) {
         self.inner().keep_arcsec = offset_arcsec;
     }
 

@@ -7,7 +7,7 @@ use super::pier;
 use super::plan::Keyhole;
 use super::safety::{Danger, Guard};
 use super::steer::{Order, Orders};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use hifitime::Epoch;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -17,6 +17,7 @@ use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, clock_offset_s};
 use sunglint_drivers::device::{
     DeviceError, Finder, Mount, MountAxes, MountMotion, MountReading, PierSide, Spot,
 };
+use sunglint_numerics::axes::Axes;
 
 /// A step of the clock that stops the tracking, s.
 const CLOCK_STEP_S: f64 = 0.010;
@@ -159,17 +160,17 @@ pub struct TrackStep {
     /// State.
     pub state: TrackState,
     /// Angles at which the target is believed to be, deg.
-    pub target_deg: [f64; 2],
+    pub target_deg: Axes,
     /// Angles that the mount says, deg.
-    pub mount_deg: [f64; 2],
+    pub mount_deg: Axes,
     /// Rates that were commanded, deg/s.
-    pub commanded_deg_s: [f64; 2],
+    pub commanded_deg_s: Axes,
     /// Distance of the mount from where the target is believed to be, arcsec.
     pub error_arcsec: f64,
     /// Distance of the target from the finder's middle, arcsec, when it was seen last.
     pub seen_arcsec: Option<f64>,
     /// Learnt offset of a star from the prediction along the growing axes, arcsec.
-    pub held_arcsec: Option<[f64; 2]>,
+    pub held_arcsec: Option<DVec2>,
     /// What was learnt: by how much the target is ahead of its prediction, s; for one slower than 1″/s, the distance along its track, arcsec.
     pub ahead_s: f64,
     /// What was learnt: by how much it is left of its track, arcsec.
@@ -511,8 +512,8 @@ impl<'a> Tracker<'a> {
     /// Where the telescope should look at a time: at the target, or so that it stands in the frame where a person wants it.
     fn target(&self, time_s: f64) -> DVec3 {
         let target = self.believed(time_s);
-        let keep = self.orders.map(Orders::keep_arcsec).filter(|keep| *keep != [0.0; 2]);
-        match keep.and_then(|keep| self.along_axes(keep)) {
+        let keep = self.orders.map(Orders::keep_arcsec).filter(|keep| *keep != DVec2::ZERO);
+        match keep.and_then(|keep| self.along_axes(keep.to_array())) {
             Some(keep) => shifted(target, keep.map(|arcsec| -arcsec)),
             None => target,
         }
@@ -559,7 +560,7 @@ impl<'a> Tracker<'a> {
 
     /// The angles to be shown at a time, deg; the first within 180° of `near`.
     fn target_deg(&self, time_s: f64, near: f64) -> [f64; 2] {
-        let mut angle = angles(self.target(time_s));
+        let mut angle = angles(self.target(time_s)).to_array();
         if let Some(keyhole) = &self.keyhole
             && let Some(first) = keyhole.first_deg(time_s)
         {
@@ -578,7 +579,7 @@ impl<'a> Tracker<'a> {
         let reading = self.mount.reading(&self.soon())?;
         // A mount that says no side for a moment, as while it turns over, hangs where it hung.
         let pier = reading.pier.or(self.pier);
-        let mut angle = self.path.angles_of(&reading);
+        let mut angle = self.path.angles_of(&reading).to_array();
         let time_s = self.path.time_s(reading.utc);
         if reading.motion == MountMotion::Slewing || self.strays(time_s, angle) {
             self.swept_s = Some(time_s);
@@ -709,7 +710,8 @@ impl<'a> Tracker<'a> {
             if last {
                 meet_s = meet_s.max(self.now_s() + if self.now_s() > 0.0 { lead_s } else { 0.0 });
             }
-            let angle_to = if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)) };
+            let angle_to =
+                if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)).to_array() };
             let now_s = self.now_s();
             // A mount that follows the stars afterwards should stand where the target comes.
             let place = self.path.place_of(angle_to, now_s);
@@ -741,7 +743,7 @@ impl<'a> Tracker<'a> {
                     // A mount that follows the stars stays at their places.
                     let goal = match reading.motion {
                         MountMotion::Tracking => {
-                            self.path.angles_at(place, self.path.time_s(reading.utc))
+                            self.path.angles_at(place, self.path.time_s(reading.utc)).to_array()
                         }
                         _ => angle_to,
                     };
@@ -907,12 +909,12 @@ impl<'a> Tracker<'a> {
         TrackStep {
             time_s: self.now_s(),
             state,
-            target_deg: target,
-            mount_deg: mount,
-            commanded_deg_s: rates,
+            target_deg: target.into(),
+            mount_deg: mount.into(),
+            commanded_deg_s: rates.into(),
             error_arcsec: error,
             seen_arcsec: self.seen_arcsec,
-            held_arcsec: self.hold.as_ref().filter(|hold| hold.locked).map(|hold| hold.off),
+            held_arcsec: self.hold.as_ref().filter(|hold| hold.locked).map(|hold| hold.off.into()),
             ahead_s: self.estimator.offset.along.value,
             left_arcsec: self.estimator.offset.across.value,
             sun_deg: self.guard.sun_distance_deg(enu, self.clock.utc()),
@@ -935,7 +937,7 @@ impl<'a> Tracker<'a> {
             };
             return Err(TrackError::NoRates { what });
         };
-        self.most_deg_s = most.map(|rate| 0.98 * rate);
+        self.most_deg_s = most.map(|rate| 0.98 * rate).to_array();
         let ago_s = self.now_s() - self.path.seconds();
         if ago_s > 0.0 {
             return Err(TrackError::Over { ago_s });
@@ -1233,16 +1235,19 @@ impl<'a> Tracker<'a> {
                 // Both count in the frame.
                 Order::Jog { arcsec } if self.holds_light() => {
                     let keep = orders.keep_arcsec();
-                    orders.keep([0, 1].map(|i| keep[i] - arcsec[i]));
+                    orders.keep([0, 1].map(|i| keep[i] - arcsec[i]).into());
                 }
-                Order::Jog { arcsec } => self.shift(self.along_axes(arcsec).unwrap_or(arcsec)),
+                Order::Jog { arcsec } => {
+                    let arcsec = arcsec.to_array();
+                    self.shift(self.along_axes(arcsec).unwrap_or(arcsec));
+                }
                 Order::Lock { middle, offset_arcsec } => {
-                    if let Err(why) = self.lock(middle, offset_arcsec) {
+                    if let Err(why) = self.lock(middle, offset_arcsec.to_array()) {
                         orders.refuse(why);
                     }
                 }
             }
-            if let Err(why) = self.check_order(orders.keep_arcsec()) {
+            if let Err(why) = self.check_order(orders.keep_arcsec().to_array()) {
                 orders.refuse(format!("not done: {why}"));
                 orders.keep(before.0);
                 (self.estimator, self.hold) = (before.1, before.2);
@@ -1299,7 +1304,7 @@ impl<'a> Tracker<'a> {
             ));
         };
         let offset_arcsec = self.along_axes(offset_arcsec).ok_or(NO_SIDE)?;
-        let seen = seen_at(angle, &Spot { offset_arcsec, flux: 0.0 });
+        let seen = seen_at(angle, &Spot { offset_arcsec: offset_arcsec.into(), flux: 0.0 });
         if self.hold.is_some() {
             let predicted = self.path.at(time_s).direction;
             let off = off_of(predicted, seen);
@@ -1509,6 +1514,6 @@ fn seen_at(angle_deg: [f64; 2], spot: &Spot) -> DVec3 {
     let middle = DVec3::new(cos2 * sin1, cos2 * cos1, sin2);
     let first = DVec3::new(cos1, -sin1, 0.0);
     let second = DVec3::new(-sin2 * sin1, -sin2 * cos1, cos2);
-    let [x, y] = spot.offset_arcsec.map(|offset| offset / ARCSEC);
+    let [x, y] = spot.offset_arcsec.to_array().map(|offset| offset / ARCSEC);
     (middle + x * first + y * second).normalize()
 }

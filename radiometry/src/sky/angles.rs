@@ -1,6 +1,10 @@
 //! Directions on the sky and the angles between them.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sunglint_formats::wcs::circle_deg;
+
+pub use sunglint_formats::wcs::Equatorial;
 
 /// The angle between two directions, radians in [0, π]; their lengths do not matter. Stable at 0 and 180°
 /// (atan2 of the cross and dot product, not arc cosine). A zero vector gives 0.
@@ -13,27 +17,33 @@ pub fn separation_deg(a: DVec3, b: DVec3) -> f64 {
     separation_rad(a, b).to_degrees()
 }
 
-/// Right ascension and declination, in the frame that the context names.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Equatorial {
-    /// Right ascension, degrees; in [0, 360) where it is a result.
-    pub ra_deg: f64,
-    /// Declination, degrees.
-    pub dec_deg: f64,
+/// Azimuth and altitude as numbers: what is shown, or given, of a direction. Written as a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(into = "[f64; 2]", from = "[f64; 2]")]
+pub struct AzimuthAltitude {
+    /// Azimuth, degrees: north 0°, east 90°.
+    pub azimuth_deg: f64,
+    /// Altitude, degrees.
+    pub altitude_deg: f64,
 }
 
-impl Equatorial {
-    /// The unit vector.
-    pub fn direction(self) -> DVec3 {
-        let (sin_ra, cos_ra) = self.ra_deg.to_radians().sin_cos();
-        let (sin_dec, cos_dec) = self.dec_deg.to_radians().sin_cos();
-        DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+impl AzimuthAltitude {
+    /// Azimuth and altitude, degrees.
+    pub const fn to_array(self) -> [f64; 2] {
+        [self.azimuth_deg, self.altitude_deg]
     }
+}
 
-    /// Converts a vector of any length; right ascension is 0 at the poles.
-    pub fn of_direction(direction: DVec3) -> Self {
-        let DVec3 { x, y, z } = direction;
-        Self { ra_deg: circle_deg(y.atan2(x)), dec_deg: z.atan2(x.hypot(y)).to_degrees() }
+impl From<[f64; 2]> for AzimuthAltitude {
+    /// Takes the azimuth first.
+    fn from([azimuth_deg, altitude_deg]: [f64; 2]) -> Self {
+        Self { azimuth_deg, altitude_deg }
+    }
+}
+
+impl From<AzimuthAltitude> for [f64; 2] {
+    fn from(at: AzimuthAltitude) -> Self {
+        at.to_array()
     }
 }
 
@@ -95,11 +105,4 @@ impl Horizontal {
         let towards_meridian = self.enu.z * cos_lat - self.enu.y * sin_lat;
         (-self.enu.x).atan2(towards_meridian).to_degrees()
     }
-}
-
-/// Radians to degrees in [0, 360).
-fn circle_deg(angle_rad: f64) -> f64 {
-    let degrees = angle_rad.to_degrees().rem_euclid(360.0);
-    // A tiny negative angle rounds up to 360 itself.
-    if degrees < 360.0 { degrees } else { 0.0 }
 }

@@ -42,7 +42,7 @@ pub mod site;
 pub mod stars;
 pub mod time;
 
-pub use angles::{Equatorial, Horizontal, separation_deg, separation_rad};
+pub use angles::{AzimuthAltitude, Equatorial, Horizontal, separation_deg, separation_rad};
 pub use bodies::{LUNAR_RADIUS_M, MoonPlace, MoonSighting, SunPlace, SunSighting, Twilight};
 pub use frame::{Observer, Sighting, SkyError, SkyFrame};
 pub use frames::SkyFrames;

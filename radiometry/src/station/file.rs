@@ -423,9 +423,10 @@ fn counter(
             let expected = "a table [camera], in whose pixels the fibre's field is given";
             return Err(document.error_at(&key("fibre_offset_px"), expected).into());
         }
-        (Some(offset), Some(sigma)) => {
-            Some(Fibre { offset_px: offset.map(Finite::get), sigma_px: sigma.map(Positive::get) })
-        }
+        (Some(offset), Some(sigma)) => Some(Fibre {
+            offset_px: offset.map(Finite::get).into(),
+            sigma_px: sigma.map(Positive::get).into(),
+        }),
         (None, None) => None,
         _ => {
             let expected = "fibre_offset_px and fibre_sigma_px, or neither";

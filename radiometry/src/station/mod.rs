@@ -17,6 +17,7 @@ use crate::air::{Aerosol, AirError, AirOptions};
 use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
 use crate::spectrum::{Irradiance, Response, Spectrum, Transmission, lerp};
+use glam::DVec2;
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
@@ -351,9 +352,9 @@ impl Counter {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fibre {
     /// Centre from the frame's centre, pixels (x, y).
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Standard deviations, pixels (x, y).
-    pub sigma_px: [f64; 2],
+    pub sigma_px: DVec2,
 }
 
 /// A camera.

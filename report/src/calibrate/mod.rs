@@ -12,6 +12,7 @@ use sunglint_calibration::stars::{
 };
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
+use sunglint_numerics::measured::Measured;
 use sunglint_radiometry::station::Station;
 
 /// Calibrated nights with what is said about them.
@@ -168,7 +169,7 @@ impl CalibrationReport<'_> {
         {
             let _ = writeln!(text, "  no slope against airmass: {why}");
         }
-        if let Some([depth, sigma]) = facts.aerosol_depth {
+        if let Some(Measured { value: depth, sigma }) = facts.aerosol_depth {
             let _ = writeln!(text, "  aerosol, fitted: τ(550 nm) = {depth:.3} ± {sigma:.3}");
         }
         for check in &night.found.ratios {
@@ -272,7 +273,7 @@ impl CalibrationReport<'_> {
             "night": night.file.night, "stars": facts.stars, "agreeing_stars": facts.agreeing_stars,
             "airmass_range": night.found.airmass.map(rounded), "b_minus_v_range_mag": night.found.b_minus_v_mag.map(|r| r.map(rounded)),
             "common_scatter": rounded(night.found.common_scatter), "judged_about_a_slope": night.found.sloped,
-            "interval_by": night.found.method, "aerosol_depth": facts.aerosol_depth,
+            "interval_by": night.found.method, "aerosol_depth": facts.aerosol_depth.map(Measured::to_array),
             "channels": channels, "without_kappa": facts.without_kappa, "covariance_ln_kappa": night.file.covariance,
             "ratios": ratios, "visits": visits,
         })

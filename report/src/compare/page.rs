@@ -512,7 +512,7 @@ fn calibration(compared: &Comparison<'_>) -> Section {
                             row.channel.clone(),
                             format!("{:.4}", row.kappa),
                             percent(row.relative_sigma),
-                            format!("{:.4} to {:.4}", row.interval[0], row.interval[1]),
+                            format!("{:.4} to {:.4}", row.interval.low, row.interval.high),
                         ]
                     })
                     .collect(),

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::sessions::{Joined, Member, Outcome};
 use sunglint_formats::{Column, Table};
+use sunglint_numerics::measured::Interval;
 
 /// Δ from which on a period is ruled out, drawn as a line.
 const RULED_OUT: f64 = 25.0;
@@ -113,7 +114,7 @@ pub fn text(joined: &Joined) -> String {
             found.correlation[1]
         );
     }
-    if let Some([shortest, longest]) = found.searched_s {
+    if let Some(Interval { low: shortest, high: longest }) = found.searched_s {
         let _ = writeln!(
             text,
             "searched  periods from {} to {}, {} frequencies",
@@ -193,7 +194,7 @@ fn headline(joined: &Joined) -> String {
 pub fn figure(joined: &Joined) -> Option<Figure> {
     let found = &joined.found;
     let best = found.members.first()?;
-    let [shortest, longest] = found.searched_s?;
+    let [shortest, longest] = found.searched_s?.to_array();
     let (unit, scale): (&str, fn(f64) -> f64) =
         if best.period_s >= 7200.0 { ("h", |s| s / 3600.0) } else { ("s", |s| s) };
     // The lowest have to be seen beside the highest.

@@ -2,6 +2,7 @@
 
 use crate::plot::gallery::{Gallery, Key, Tile};
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis};
+use glam::DVec2;
 use image::{Rgba, RgbaImage};
 use sunglint_calibration::reduction::Visited;
 use sunglint_calibration::reduction::frames::Shown;
@@ -59,7 +60,7 @@ pub fn rings(visited: &Visited) -> Option<Gallery> {
             let (image, range) = picture(shown);
             let measured = &shown.measured;
             let place = match measured.place_px {
-                Some([column, row]) => {
+                Some(DVec2 { x: column, y: row }) => {
                     vec![format!("column {column:.1}"), format!("row {row:.1}")]
                 }
                 None => vec!["no target found".to_owned()],
@@ -104,11 +105,11 @@ fn picture(shown: &Shown) -> (RgbaImage, (f64, f64)) {
         Rgba([r, g, b, 255])
     });
     if let Some(aperture) = &shown.measured.aperture {
-        let [inner, outer] = shown.annulus_px;
+        let [inner, outer] = shown.annulus_px.to_array();
         let centre_px = [0, 1].map(|i| aperture.centre_px[i] - shown.origin_px[i] as f64);
         for (radius, colour) in [(aperture.radius_px, APERTURE), (inner, ANNULUS), (outer, ANNULUS)]
         {
-            ring(&mut image, centre_px, aperture.trail_px, radius, scale, colour);
+            ring(&mut image, centre_px, aperture.trail_px.to_array(), radius, scale, colour);
         }
     }
     (image, (low, high))

@@ -12,6 +12,7 @@ use sunglint_calibration::reduction::tags::TagSummary;
 use sunglint_calibration::reduction::{Reduced, Stay, Used, Visited};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, ParseError, Table};
+use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
 use sunglint_radiometry::station::Station;
 
@@ -72,7 +73,7 @@ pub struct VisitLine {
     /// First and last sample.
     pub time: Option<[Epoch; 2]>,
     /// Lowest and highest true zenith angle, deg, where the target's place is known.
-    pub zenith_deg: Option<[f64; 2]>,
+    pub zenith_deg: Option<Interval>,
     /// Channels.
     pub channels: Vec<ChannelLine>,
 }
@@ -83,7 +84,7 @@ impl VisitLine {
         let samples = &visited.linear.samples;
         let zenith_deg = samples.zenith_deg.as_ref().map(|zeniths| {
             let low = zeniths.iter().copied().fold(f64::INFINITY, f64::min);
-            [low, zeniths.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+            Interval::new(low, zeniths.iter().copied().fold(f64::NEG_INFINITY, f64::max))
         });
         Self {
             stay: visited.stay.clone(),
@@ -176,7 +177,7 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             format!(", {} to {}", format_utc(from, 1), format_utc(to, 1))
         });
         let zenith = match visit.zenith_deg {
-            Some([low, high]) => format!("zenith angle {low:.1}° to {high:.1}°"),
+            Some(Interval { low, high }) => format!("zenith angle {low:.1}° to {high:.1}°"),
             None => "no place known: no zenith angle".into(),
         };
         let _ = writeln!(

@@ -4,7 +4,7 @@
 //! gone. Every step looks at each edge once, so it ends whatever the input.
 
 /// A point of a plane, m.
-pub type P2 = [f64; 2];
+pub(crate) type P2 = [f64; 2];
 
 /// Convex polygons one behind the other.
 #[derive(Debug, Default, Clone)]

@@ -116,7 +116,7 @@ impl Face {
 
     /// The direction that some of its microfacets mirror to the observer, by two coordinates from −1 to 1 (how steep they are and whither), and its solid angle for
     /// each unit of both. `None` where that direction or they themselves are turned away.
-    pub fn direction(&self, [steep, whither]: [f64; 2]) -> Option<(DVec3, f64)> {
+    pub(crate) fn direction(&self, [steep, whither]: [f64; 2]) -> Option<(DVec3, f64)> {
         let (alpha_x, alpha_y) = self.lobe.alpha();
         let [x, y, z] = self.axes;
         // Slopes of r times α, and r dr for each unit of a coordinate from 0 to 1.

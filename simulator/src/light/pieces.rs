@@ -3,7 +3,7 @@
 use super::View;
 use super::clip::{P2, Polygons};
 use super::evaluate::{DirectionError, Evaluator};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// The lit and seen part of one facet: convex polygons in the facet's plane.
 #[derive(Debug)]
@@ -40,7 +40,8 @@ impl Piece<'_> {
     }
 
     /// A point of the plane in the body's axes, m.
-    pub fn point(&self, [x, y]: [f64; 2]) -> DVec3 {
+    pub fn point(&self, place: impl Into<DVec2>) -> DVec3 {
+        let DVec2 { x, y } = place.into();
         self.origin + x * self.axes[0] + y * self.axes[1]
     }
 }

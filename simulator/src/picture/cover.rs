@@ -18,7 +18,7 @@ impl Cover {
 
     /// Adds a polygon in pixel coordinates, x along rows from the left edge of the first pixel, y across them; counter-clockwise if y
     /// were upwards.
-    pub fn add(&mut self, polygon: &[[f64; 2]], value: f64) {
+    pub(crate) fn add(&mut self, polygon: &[[f64; 2]], value: f64) {
         for (k, from) in polygon.iter().enumerate() {
             self.edge(*from, polygon[(k + 1) % polygon.len()], value);
         }

@@ -30,7 +30,7 @@ impl Material {
             .collect();
         let mut weights = vec![0.0; count];
         let (sum, _) = cubature::integrate(&cells, 3 * count, EFFORT, |u, scale, sum| {
-            let Some(o) = self.proposals.sample(i, u) else { return };
+            let Some(o) = self.proposals.sample(i, u.into()) else { return };
             let density = self.proposals.density(i, o);
             // Written so that NaN is left out too.
             if density.is_nan() || density <= 0.0 {

@@ -2,7 +2,7 @@
 
 use super::tensor::Tensor;
 use super::{Distribution, Lobe, Material};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ pub(super) enum Proposal {
 impl Material {
     /// Draws a direction for light from `i` (unit, surface's own axes) with two random numbers from 0 to 1. `None` where the draw led below the
     /// horizon: the sample then counts as 0. The mean of w_k cosθ_o/density over all draws is the albedo's weight.
-    pub fn sample(&self, i: DVec3, u: [f64; 2]) -> Option<Sampled> {
+    pub fn sample(&self, i: DVec3, u: impl Into<DVec2>) -> Option<Sampled> {
         if i.z.is_nan() || i.z <= 0.0 {
             return None;
         }
@@ -48,7 +48,7 @@ impl Material {
             let direction = DVec3::new(-i.x, -i.y, i.z);
             return Some(Sampled { direction, density_per_sr: f64::INFINITY });
         }
-        let direction = self.proposals.sample(i, u)?;
+        let direction = self.proposals.sample(i, u.into())?;
         Some(Sampled { direction, density_per_sr: self.proposals.density(i, direction) })
     }
 
@@ -81,12 +81,12 @@ impl Mixture {
         std::iter::once(0.0).chain(self.ways.iter().map(|(end, _)| *end)).collect()
     }
 
-    pub fn sample(&self, i: DVec3, u: [f64; 2]) -> Option<DVec3> {
+    pub fn sample(&self, i: DVec3, u: DVec2) -> Option<DVec3> {
         let mut from = 0.0;
         for (end, way) in &self.ways {
             if u[0] < *end || *end == 1.0 {
                 let first = ((u[0] - from) / (end - from)).clamp(0.0, 1.0);
-                return way.sample(i, [first, u[1]]).filter(|o| o.z > 0.0);
+                return way.sample(i, DVec2::new(first, u[1])).filter(|o| o.z > 0.0);
             }
             from = *end;
         }
@@ -105,7 +105,7 @@ impl Mixture {
 }
 
 impl Proposal {
-    fn sample(&self, i: DVec3, u: [f64; 2]) -> Option<DVec3> {
+    fn sample(&self, i: DVec3, u: DVec2) -> Option<DVec3> {
         let turn = TAU * u[1];
         match self {
             Self::Cosine => {
@@ -184,14 +184,14 @@ pub(super) fn reflected(i: DVec3, h: DVec3) -> Option<DVec3> {
 }
 
 /// Slopes from a Gaussian.
-fn beckmann_tilt(lobe: &Lobe, u: [f64; 2]) -> DVec3 {
+fn beckmann_tilt(lobe: &Lobe, u: DVec2) -> DVec3 {
     let r = (-(-u[0]).ln_1p()).sqrt();
     let turn = TAU * u[1];
     DVec3::new(lobe.alpha_x * r * turn.cos(), lobe.alpha_y * r * turn.sin(), 1.0).normalize()
 }
 
 /// Among the tilts that `i` sees (Heitz 2018, JCGT 7(4)).
-fn ggx_visible_tilt(lobe: &Lobe, i: DVec3, u: [f64; 2]) -> DVec3 {
+fn ggx_visible_tilt(lobe: &Lobe, i: DVec3, u: DVec2) -> DVec3 {
     let v = DVec3::new(lobe.alpha_x * i.x, lobe.alpha_y * i.y, i.z).normalize();
     let across = v.x * v.x + v.y * v.y;
     let x = if across > 0.0 { DVec3::new(-v.y, v.x, 0.0) / across.sqrt() } else { DVec3::X };

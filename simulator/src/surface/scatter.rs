@@ -160,7 +160,7 @@ impl Material {
             .collect();
         let (sum, error) =
             cubature::integrate(&cells, self.spectra.len(), effort, |u, scale, sum| {
-                if let Some(o) = self.proposals.sample(i, u) {
+                if let Some(o) = self.proposals.sample(i, u.into()) {
                     let density = self.proposals.density(i, o);
                     if density > 0.0 {
                         self.add_reflected(i, o, scale * o.z / density, sum);

@@ -19,7 +19,7 @@ pub(crate) struct Slope {
     /// By the direction to the observer, likewise.
     pub o: DVec3,
     /// By the roughnesses along and across the tangent.
-    pub alpha: [f64; 2],
+    pub(crate) alpha: [f64; 2],
     /// How far any of them may be off.
     pub error: f64,
 }

@@ -15,6 +15,7 @@ use sunglint_drivers::device::{
     Device, DeviceError, Identity, InBeam, Interrupted, Origin, Power, PowerMeter, RotationStage,
     Setting, Value,
 };
+use sunglint_numerics::measured::Interval;
 
 const STAGES: [&str; 4] = [
     "virtual sample stage",
@@ -155,8 +156,8 @@ impl Device for VirtualStage {
 }
 
 impl RotationStage for VirtualStage {
-    fn travel_deg(&self) -> Option<[f64; 2]> {
-        Some(self.travel_deg)
+    fn travel_deg(&self) -> Option<Interval> {
+        Some(self.travel_deg.into())
     }
 
     fn angle_deg(&mut self, _: &Deadline) -> Result<f64, DeviceError> {

@@ -4,7 +4,7 @@
 
 use super::options::MountOptions;
 use crate::telescope::{Telescope, TelescopeOptions, VirtualMount};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use hifitime::{Epoch, Unit};
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -102,7 +102,7 @@ impl Driven {
             o.encoder_arcsec = options.encoder_arcsec;
             o.tilt_arcsec = options.tilt_arcsec;
             o.wind_arcsec = options.wind_arcsec;
-            o.latency_s = [options.latency_s, options.latency_jitter_s];
+            o.latency_s = [options.latency_s, options.latency_jitter_s].into();
             o.dropped = options.dropped;
             o.seed = seed;
             // The night's own camera sees; this one has no finder.
@@ -170,7 +170,7 @@ impl Driven {
     }
 
     /// Where the target of a visit stands at a time, px from the middle of the sensor: columns and rows. `None` of a target without a place.
-    pub fn offset_px(&mut self, visit: usize, time_s: f64) -> Option<[f64; 2]> {
+    pub fn offset_px(&mut self, visit: usize, time_s: f64) -> Option<DVec2> {
         let bodies = self.bodies.clone();
         let body = bodies.get(visit)?.as_ref()?;
         let node = (time_s / NODE_S).floor();
@@ -190,7 +190,7 @@ impl Driven {
         let axes = self.telescope.axes_at(time_s)?;
         let depth = light.dot(axes.z_axis);
         if depth < 0.1 {
-            return Some([FAR_PX; 2]);
+            return Some(DVec2::splat(FAR_PX));
         }
         let [first, second] =
             [axes.x_axis, axes.y_axis].map(|axis| ARCSEC * light.dot(axis) / depth);
@@ -198,7 +198,7 @@ impl Driven {
         let right = (first * turn.cos() + second * turn.sin()) / self.scale_arcsec;
         let down = (first * turn.sin() - second * turn.cos()) / self.scale_arcsec;
         let column = if self.options.camera_mirrored { -right } else { right };
-        Some([column, down].map(|px| px.clamp(-FAR_PX, FAR_PX)))
+        Some([column, down].map(|px| px.clamp(-FAR_PX, FAR_PX)).into())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::night::{Instrument, Night};
 use super::options::VisitKind;
+use glam::DVec2;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use sunglint_formats::time::format_utc_shortest;
@@ -44,7 +45,7 @@ pub struct TrueVisit {
     /// Airmass in the middle.
     pub airmass: Option<f64>,
     /// Where the target was meant to stand, px from the middle of the sensor.
-    pub aim_px: [f64; 2],
+    pub aim_px: DVec2,
 }
 
 impl Night {

@@ -9,6 +9,7 @@ use super::night::{Instrument, Night, VisitTruth};
 use super::plan::Target;
 use super::random::{Purpose, seed_of, stream};
 use super::wander::Wander;
+use glam::DVec2;
 use ndarray::Array2;
 use std::ops::Range;
 use std::sync::Arc;
@@ -28,7 +29,7 @@ pub struct Moment {
     /// True where the shutter is closed.
     pub dark: bool,
     /// Where the target stands, px from the middle of the sensor.
-    pub offset_px: [f64; 2],
+    pub offset_px: DVec2,
     /// Factor of twinkling on the light: 1 on average.
     pub scintillation: f64,
     /// Share of the light that clouds let through.
@@ -39,7 +40,7 @@ pub struct Moment {
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameTruth {
     /// The target's mean place, px from the middle of the sensor; none without a target.
-    pub offset_px: Option<[f64; 2]>,
+    pub offset_px: Option<DVec2>,
     /// Electrons of the whole target for each colour as if every pixel had it.
     pub electrons: [f64; 3],
     /// Full width at half maximum of a point, px.
@@ -113,10 +114,10 @@ impl Watch {
         } else {
             1.0
         };
-        let mut offset_px = truth.map_or([0.0; 2], |truth| truth.aim_px);
+        let mut offset_px = truth.map_or([0.0; 2], |truth| truth.aim_px.to_array());
         let mount = self.driven.as_mut().zip(visit);
         match mount.and_then(|(driven, visit)| driven.offset_px(visit, time_s)) {
-            Some(offset) => offset_px = offset,
+            Some(offset) => offset_px = offset.to_array(),
             None => {
                 for (offset, wander) in offset_px.iter_mut().zip(&mut self.pointing) {
                     *offset += options.pointing.jitter_px * wander.at(time_s);
@@ -124,7 +125,7 @@ impl Watch {
             }
         }
         let dark = truth.is_some_and(|truth| truth.visit.target == Target::Dark);
-        Moment { visit, dark, offset_px, scintillation, clouds }
+        Moment { visit, dark, offset_px: offset_px.into(), scintillation, clouds }
     }
 
     /// The light on a counter at a moment, Hz, its dark rate not among it; `None` if the channel is no counter.
@@ -229,7 +230,7 @@ impl Watch {
                 colours.iter().for_each(|colour| e_per_s[*colour] = sky_e_per_s);
             }
         }
-        Sky { e_per_s, gradient_per_px: self.night.options.sky.gradient_per_px }
+        Sky { e_per_s, gradient_per_px: self.night.options.sky.gradient_per_px.into() }
     }
 
     fn spread(&mut self, visit: Option<usize>, time_s: f64) -> PointSpread {
@@ -251,7 +252,7 @@ impl Watch {
         exposure: &Exposure,
         start_s: f64,
         fwhm_px: f64,
-    ) -> (Source, Option<[f64; 2]>, bool) {
+    ) -> (Source, Option<DVec2>, bool) {
         let steps = (exposure.exposure_s / STEADY_S).ceil().clamp(1.0, MOST_STEPS) as u32;
         let step_s = exposure.exposure_s / f64::from(steps);
         let night = self.night.clone();
@@ -271,17 +272,19 @@ impl Watch {
         }
         let mean = mean_place(&places);
         let middle = sensor.middle_px();
-        let reach =
-            places.iter().map(|[x, y]| (x - mean[0]).hypot(y - mean[1])).fold(0.0, f64::max);
+        let reach = places
+            .iter()
+            .map(|place| (place.x - mean[0]).hypot(place.y - mean[1]))
+            .fold(0.0, f64::max);
         // A place for each eighth of a point's width.
         let parts = (16.0 * reach / fwhm_px).ceil().clamp(1.0, MOST_PLACES) as usize;
         let chunk = places.len().div_ceil(parts);
-        let on_sensor = |places: &[[f64; 2]]| {
+        let on_sensor = |places: &[DVec2]| {
             let [x, y] = mean_place(places);
-            [middle[0] + x, middle[1] + y]
+            DVec2::new(middle[0] + x, middle[1] + y)
         };
         let path_px = places.chunks(chunk).map(on_sensor).collect();
-        (Source { electrons, path_px }, Some(mean), dark)
+        (Source { electrons, path_px }, Some(mean.into()), dark)
     }
 }
 
@@ -294,7 +297,7 @@ fn add_light(night: &Night, truth: &VisitTruth, time_s: f64, light: f64, electro
     }
 }
 
-fn mean_place(places: &[[f64; 2]]) -> [f64; 2] {
+fn mean_place(places: &[DVec2]) -> [f64; 2] {
     [0, 1].map(|axis| places.iter().map(|place| place[axis]).sum::<f64>() / places.len() as f64)
 }
 
@@ -307,7 +310,7 @@ fn light_hz(night: &Night, channel: usize, moment: &Moment, time_s: f64) -> Opti
     }
     let Some(truth) = moment.visit.map(|visit| &night.visits[visit]) else { return Some(*sky_hz) };
     let coupling = fibre.map_or(1.0, |fibre| {
-        let [x, y] = moment.offset_px;
+        let [x, y] = moment.offset_px.to_array();
         let q = ((x - fibre.offset_px[0]) / fibre.sigma_px[0]).powi(2)
             + ((y - fibre.offset_px[1]) / fibre.sigma_px[1]).powi(2);
         (-0.5 * q).exp()

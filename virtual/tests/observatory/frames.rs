@@ -93,7 +93,7 @@ fn a_moffat_has_its_energy() {
 fn the_photon_transfer_curve_gives_gain_and_read_noise() {
     let sensor = sensor();
     let frame = |e_per_s: f64, number: u64| {
-        let sky = Sky { e_per_s: [e_per_s; 3], gradient_per_px: [0.0; 2] };
+        let sky = Sky { e_per_s: [e_per_s; 3], gradient_per_px: [0.0; 2].into() };
         let frame = sensor.render(&EXPOSURE, &Scene { sky, ..Scene::DARK }, 7, number);
         moments(&frame.iter().map(|adu| f64::from(*adu) - 300.0).collect::<Vec<_>>())
     };
@@ -114,7 +114,7 @@ fn the_photon_transfer_curve_gives_gain_and_read_noise() {
 /// 12 bits end at 4095.
 #[test]
 fn full_wells_and_converters_end() {
-    let sky = Sky { e_per_s: [1e6; 3], gradient_per_px: [0.0; 2] };
+    let sky = Sky { e_per_s: [1e6; 3], gradient_per_px: [0.0; 2].into() };
     let scene = Scene { sky, ..Scene::DARK };
     let quiet = Sensor { read_noise_e: 0.0, ..sensor() };
     let all = |sensor: Sensor, adu: u16| {
@@ -219,7 +219,7 @@ fn expected_of(sources: &[Source], spread: PointSpread) -> Vec<f64> {
 #[test]
 fn binning_sums_charge_and_numbers_name_frames() {
     let binned = Exposure { binning: [2, 2], ..EXPOSURE };
-    let sky = Sky { e_per_s: [100.0; 3], gradient_per_px: [0.0; 2] };
+    let sky = Sky { e_per_s: [100.0; 3], gradient_per_px: [0.0; 2].into() };
     let scene = Scene { sky, ..Scene::DARK };
     let frame = sensor().render(&binned, &scene, 1, 1);
     assert_eq!(frame.dim(), (100, 100));

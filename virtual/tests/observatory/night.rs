@@ -127,8 +127,9 @@ fn coupling_is_that_of_a_trembling_telescope() {
         };
         let (fibre, i) = (counter.fibre.unwrap(), channel(&night, &fibred.name));
         let mut truth = 1e6 / night.channels[i].kappa;
-        for (aim, (at, sigma)) in
-            [6.0, 1.0].into_iter().zip(fibre.offset_px.into_iter().zip(fibre.sigma_px))
+        for (aim, (at, sigma)) in [6.0, 1.0]
+            .into_iter()
+            .zip(fibre.offset_px.to_array().into_iter().zip(fibre.sigma_px.to_array()))
         {
             let wide = sigma * sigma + 36.0;
             truth *= (sigma * sigma / wide).sqrt() * (-(aim - at).powi(2) / (2.0 * wide)).exp();

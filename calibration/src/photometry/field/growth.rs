@@ -37,6 +37,11 @@ fn is_clear(of: f64, other: f64, distance: f64, far: f64) -> bool {
     other < 0.05 * of || distance > 1.1 * far
 }
 
+/// Both ends of a streak, columns and rows, px.
+fn ends(streak: &Streak) -> [[f64; 2]; 2] {
+    streak.ends_px.map(|end| end.to_array())
+}
+
 /// The growth from bright lone points; `None` where fewer than three are.
 pub(super) fn of_points(
     raw: &[f32],
@@ -49,7 +54,7 @@ pub(super) fn of_points(
     let far = FAR * fwhm;
     let mut found: Vec<(Pixels, f64)> = Vec::new();
     for (i, point) in points.iter().enumerate().take(400) {
-        let [x, y] = point.place_px;
+        let [x, y] = point.place_px.to_array();
         let inside = |v: f64, n: usize| v > far + 1.0 && v < n as f64 - far - 2.0;
         let is_bright = point.flux_adu > 25.0 * point.sigma_adu;
         if point.is_saturated || !is_bright || !inside(x, width) || !inside(y, height) {
@@ -59,7 +64,7 @@ pub(super) fn of_points(
             let d = (other.place_px[0] - x).hypot(other.place_px[1] - y);
             i == j || is_clear(point.flux_adu, other.flux_adu, d, far)
         }) && streaks.iter().all(|s| {
-            is_clear(point.flux_adu, s.flux_adu, super::streak::distance(s.ends_px, [x, y]), far)
+            is_clear(point.flux_adu, s.flux_adu, super::streak::distance(ends(s), [x, y]), far)
         });
         if !is_alone {
             continue;
@@ -105,9 +110,9 @@ pub(super) fn of_trails(
             continue;
         }
         let clear = |p: [f64; 2], flux: f64| {
-            is_clear(streak.flux_adu, flux, super::streak::distance(streak.ends_px, p), far)
+            is_clear(streak.flux_adu, flux, super::streak::distance(ends(streak), p), far)
         };
-        let is_alone = points.iter().all(|p| clear(p.place_px, p.flux_adu))
+        let is_alone = points.iter().all(|p| clear(p.place_px.to_array(), p.flux_adu))
             && streaks.iter().enumerate().all(|(j, other)| {
                 i == j || places(other).into_iter().all(|p| clear(p, other.flux_adu))
             });

@@ -28,11 +28,13 @@ use super::image::Image;
 use super::levels::Counter;
 use super::overlap::Aperture;
 use super::tiles::Tiles;
+use glam::DVec2;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use serde::Serialize;
 use streak::{Fitted, Search};
 use sunglint_formats::frame::Bayer;
+use sunglint_numerics::measured::Measured;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// Options of a search.
@@ -82,7 +84,7 @@ impl Default for FieldOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PointSource {
     /// Column and row, px; the middle of the first pixel is at 0, 0.
-    pub place_px: [f64; 2],
+    pub place_px: DVec2,
     /// Light in the aperture above the local background, ADU.
     pub flux_adu: f64,
     /// Standard deviation of the light, ADU.
@@ -99,7 +101,7 @@ pub struct PointSource {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Streak {
     /// Both ends, columns and rows, px.
-    pub ends_px: [[f64; 2]; 2],
+    pub ends_px: [DVec2; 2],
     /// Distance of the ends, px.
     pub length_px: f64,
     /// Direction from the columns' axis towards the rows' axis, deg, −90 to 90.
@@ -124,6 +126,22 @@ pub struct Streak {
     pub is_saturated: bool,
 }
 
+/// Length and direction of the stars' trails. Written as a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(into = "[f64; 2]")]
+pub struct StarTrails {
+    /// Length, px.
+    pub length_px: f64,
+    /// Direction from the columns' axis towards the rows' axis, deg, −90 to 90.
+    pub angle_deg: f64,
+}
+
+impl From<StarTrails> for [f64; 2] {
+    fn from(trails: StarTrails) -> Self {
+        [trails.length_px, trails.angle_deg]
+    }
+}
+
 /// Contents of a frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Field {
@@ -143,8 +161,8 @@ pub struct Field {
     pub streaks: Vec<Streak>,
     /// Points, the brightest first.
     pub points: Vec<PointSource>,
-    /// Length and direction of the stars' trails, px and deg, where stars are trailed.
-    pub star_trails: Option<[f64; 2]>,
+    /// Length and direction of the stars' trails, where stars are trailed.
+    pub star_trails: Option<StarTrails>,
     /// Radius of the points' aperture, px.
     #[serde(skip)]
     pub aperture_px: f64,
@@ -167,16 +185,16 @@ impl Field {
     }
 
     /// All of a point's light and its standard deviation, ADU: what its aperture found over the part that it catches.
-    pub fn whole_point_adu(&self, point: &PointSource) -> [f64; 2] {
+    pub fn whole_point_adu(&self, point: &PointSource) -> Measured {
         let part = self.growth().of_point(self.aperture_px).clamp(0.5, 1.0);
-        [point.flux_adu / part, point.sigma_adu / part]
+        Measured::new(point.flux_adu / part, point.sigma_adu / part)
     }
 
     /// All of a streak's light and its standard deviation, ADU.
-    pub fn whole_streak_adu(&self, streak: &Streak) -> [f64; 2] {
+    pub fn whole_streak_adu(&self, streak: &Streak) -> Measured {
         let half = half_width(self.fwhm_px / FWHM_PER_SIGMA);
         let part = self.growth().of_streak(streak.fwhm_px / FWHM_PER_SIGMA, half).clamp(0.5, 1.05);
-        [streak.flux_adu / part, streak.sigma_adu / part]
+        Measured::new(streak.flux_adu / part, streak.sigma_adu / part)
     }
 }
 
@@ -570,7 +588,7 @@ fn measured(
         (0..2).any(|axis| end[axis] < margin || end[axis] > size[axis] as f64 - 1.0 - margin)
     });
     Streak {
-        ends_px: fit.ends,
+        ends_px: fit.ends.map(DVec2::from),
         length_px,
         angle_deg,
         flux_adu,
@@ -586,7 +604,7 @@ fn measured(
 }
 
 /// Marks the streaks that share length and direction with at least three others, and are the majority of the long ones: trailed stars. Gives their median length and direction.
-fn mark_star_trails(streaks: &mut [Streak]) -> Option<[f64; 2]> {
+fn mark_star_trails(streaks: &mut [Streak]) -> Option<StarTrails> {
     const LEAST: usize = 4;
     let alike = |a: &Streak, b: &Streak| {
         let turned = (a.angle_deg - b.angle_deg + 90.0).rem_euclid(180.0) - 90.0;
@@ -609,7 +627,7 @@ fn mark_star_trails(streaks: &mut [Streak]) -> Option<[f64; 2]> {
         let cut = streak.is_cut && streak.length_px < 1.1 * length;
         streak.is_star_trail = alike(&model, streak) || cut && turned.abs() < 8.0;
     }
-    Some([length, model.angle_deg])
+    Some(StarTrails { length_px: length, angle_deg: model.angle_deg })
 }
 
 /// The light of a point through an aperture, less the median of an annulus.
@@ -625,7 +643,7 @@ fn point(
     full: f32,
 ) -> Option<PointSource> {
     let [inner, outer] = ring(radius);
-    let aperture = Aperture::disc(place, radius);
+    let aperture = Aperture::disc(place.into(), radius);
     let range = |at: f64, n: usize| {
         (at - outer).floor().max(0.0) as usize..((at + outer).ceil() as usize + 1).min(n)
     };
@@ -656,7 +674,7 @@ fn point(
     let level = noise * noise * area * (1.0 + 1.57 * area / ring.len().max(1) as f64);
     let own = gain.map_or(0.0, |gain| flux.max(0.0) / gain);
     Some(PointSource {
-        place_px: place,
+        place_px: place.into(),
         flux_adu: flux,
         sigma_adu: (level + own).sqrt(),
         significance,

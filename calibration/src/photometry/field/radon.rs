@@ -12,7 +12,7 @@ pub(crate) struct Seed {
     /// Standard deviations of such sums.
     pub significance: f32,
     /// Ends, columns and rows of the image.
-    pub ends: [[f64; 2]; 2],
+    pub(crate) ends: [[f64; 2]; 2],
 }
 
 /// Rows of the longest blocks.

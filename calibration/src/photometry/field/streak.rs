@@ -17,7 +17,7 @@ pub(crate) struct Search<'a> {
 /// A streak as it was fitted, in standard deviations of a pixel.
 #[derive(Debug, Clone)]
 pub(crate) struct Fitted {
-    pub ends: [[f64; 2]; 2],
+    pub(crate) ends: [[f64; 2]; 2],
     /// Light in units of a pixel's standard deviation.
     pub flux: f64,
     /// Standard deviation of the light, from the noise of the sky.
@@ -32,7 +32,7 @@ pub(crate) struct Fitted {
 
 impl Fitted {
     /// Distance of a place from the line between the ends, px.
-    pub fn distance(&self, place: [f64; 2]) -> f64 {
+    pub(crate) fn distance(&self, place: [f64; 2]) -> f64 {
         distance(self.ends, place)
     }
 }

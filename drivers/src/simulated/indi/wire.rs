@@ -4,6 +4,7 @@ use crate::indi::base64;
 use crate::indi::property::{Kind, Member, Place, State, Value, Vector};
 use crate::indi::xml::{Element, escaped};
 use std::fmt::Write as _;
+use sunglint_numerics::measured::Interval;
 
 fn text(value: &Value) -> String {
     match value {
@@ -27,7 +28,7 @@ pub fn definition(place: &Place, vector: &Vector) -> String {
     );
     for member in &vector.members {
         let name = escaped(&member.name);
-        let range = member.range.map_or(String::new(), |[least, most]| {
+        let range = member.range.map_or(String::new(), |Interval { low: least, high: most }| {
             format!(" format=\"%g\" min=\"{least}\" max=\"{most}\" step=\"1\"")
         });
         if vector.kind == Kind::Blob {
@@ -81,11 +82,11 @@ pub fn deletion(device: &str, name: Option<&str>) -> String {
 }
 
 /// Numbers by name, with their ranges.
-pub fn numbers(members: &[(&str, f64, [f64; 2])]) -> Vector {
+pub(crate) fn numbers(members: &[(&str, f64, [f64; 2])]) -> Vector {
     let member = |(name, number, range): &(&str, f64, [f64; 2])| Member {
         name: (*name).to_owned(),
         value: Value::Number(*number),
-        range: Some(*range),
+        range: Some((*range).into()),
     };
     Vector::new(Kind::Number, true, members.iter().map(member).collect())
 }
@@ -126,7 +127,7 @@ pub fn asked(vector: &Vector, element: &Element) -> Option<Vector> {
             (Value::Text(_), text) => Value::Text(text.to_owned()),
             (Value::Number(_), text) => {
                 let number = crate::indi::property::number(text)?;
-                let [least, most] = member.range.unwrap_or([f64::MIN, f64::MAX]);
+                let [least, most] = member.range.map_or([f64::MIN, f64::MAX], Interval::to_array);
                 Value::Number(Some(number).filter(|n| (least..=most).contains(n))?)
             }
             _ => return None,

@@ -9,6 +9,7 @@ use crate::device::{
 };
 use crate::transport::Bytes;
 use std::time::Duration;
+use sunglint_numerics::measured::Interval;
 
 /// Model of a stage: what turns, and how its controller counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +72,7 @@ pub struct StageSettings {
     /// The angle at which the counter is 0, deg.
     pub zero_deg: f64,
     /// Angles between which it may stand, deg; `None` if it turns freely.
-    pub travel_deg: Option<[f64; 2]>,
+    pub travel_deg: Option<Interval>,
     /// How often a moving stage is asked where it is.
     pub poll: Duration,
     /// How long it may stand still on its way, or before a search begins.
@@ -222,7 +223,7 @@ impl<T: Bytes> Device for Stage<T> {
 }
 
 impl<T: Bytes> RotationStage for Stage<T> {
-    fn travel_deg(&self) -> Option<[f64; 2]> {
+    fn travel_deg(&self) -> Option<Interval> {
         self.settings.travel_deg
     }
 

@@ -105,7 +105,7 @@ impl Surface {
     }
 
     /// A point spread evenly over the area by two numbers from 0 to 1.
-    pub fn even(&self, surface: usize, [a, b]: [f64; 2]) -> Place {
+    pub(crate) fn even(&self, surface: usize, [a, b]: [f64; 2]) -> Place {
         match &self.shape {
             Outline::Polygon(corners) => {
                 self.place(surface, self.point(in_polygon(corners, self.area, a, b)))
@@ -129,7 +129,7 @@ impl Surface {
     }
 
     /// A point spread evenly over [`Surface::across`].
-    pub fn facing(&self, surface: usize, toward: DVec3, [a, b]: [f64; 2]) -> Place {
+    pub(crate) fn facing(&self, surface: usize, toward: DVec3, [a, b]: [f64; 2]) -> Place {
         if !self.is_sphere() {
             return self.even(surface, [a, b]);
         }

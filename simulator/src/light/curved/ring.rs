@@ -64,9 +64,9 @@ pub struct Task<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
     /// Azimuths, radians.
-    pub azimuth: [f64; 2],
+    pub(crate) azimuth: [f64; 2],
     /// The profile's parameters.
-    pub t: [f64; 2],
+    pub(crate) t: [f64; 2],
 }
 
 impl<'a> Task<'a> {

@@ -11,7 +11,7 @@ use glam::DVec3;
 #[derive(Debug, Default)]
 pub(super) struct Flux {
     /// By the slopes d_x/d_z, d_y/d_z of the light's direction and of the observer's, in the facet's axes, m².
-    pub slope: [[f64; 2]; 2],
+    pub(crate) slope: [[f64; 2]; 2],
     /// By each hinge's angle, the facet and the directions held, m².
     pub hinges: Vec<f64>,
     /// Parts of edges that were summed over.

@@ -15,7 +15,7 @@ pub(super) struct Rate {
     /// Rate of each hinge's angle.
     pub hinges: Vec<f64>,
     /// Rates of a material's two roughnesses.
-    pub roughness: Option<(usize, [f64; 2])>,
+    pub(crate) roughness: Option<(usize, [f64; 2])>,
 }
 
 impl Rate {

@@ -48,8 +48,8 @@ pub struct LitCap<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(in crate::light) struct Piece {
     pub panel: usize,
-    pub middle: [f64; 2],
-    pub half: [f64; 2],
+    pub(crate) middle: [f64; 2],
+    pub(crate) half: [f64; 2],
 }
 
 impl Piece {

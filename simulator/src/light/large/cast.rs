@@ -38,7 +38,7 @@ pub(super) struct Cast {
     pub frame: Frame,
     groups: Vec<Turned>,
     /// The corner of the cells, m.
-    pub low: [f64; 2],
+    pub(crate) low: [f64; 2],
     /// Cells for each metre.
     pub per_m: f64,
 }

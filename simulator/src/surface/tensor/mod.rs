@@ -7,7 +7,7 @@
 pub mod warp;
 
 use super::scatter::{Effort, Scatter};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 use warp::{Blend, Grid, Place, Warp};
@@ -66,18 +66,18 @@ impl Tensor {
         DVec3::new(v.x * x, v.y * y, v.z)
     }
 
-    fn bisector(&self, phi_i: f64, m: DVec3) -> [f64; 2] {
+    fn bisector(&self, phi_i: f64, m: DVec3) -> DVec2 {
         let phi = if self.is_isotropic() { azimuth(m) - phi_i } else { azimuth(m) };
         let turn = (phi + PI) / TAU;
-        [(elevation(m) * 2.0 / PI).sqrt(), turn - turn.floor()]
+        DVec2::new((elevation(m) * 2.0 / PI).sqrt(), turn - turn.floor())
     }
 
     /// Returns the factor on the values in s: ndf/(4 sigma).
-    pub fn jacobian(&self, u_m: [f64; 2], u_i: [f64; 2]) -> f64 {
+    pub(crate) fn jacobian(&self, u_m: DVec2, u_i: impl Into<DVec2>) -> f64 {
         if self.jacobian { self.ndf.at(u_m) / (4.0 * self.sigma.at(u_i)) } else { 1.0 }
     }
 
-    pub fn sample(&self, i: DVec3, s: [f64; 2]) -> Option<DVec3> {
+    pub(crate) fn sample(&self, i: DVec3, s: DVec2) -> Option<DVec3> {
         let local = self.folded(i, i);
         let (theta, phi) = (elevation(local), azimuth(local));
         let blend = self.blend(theta, phi);
@@ -89,7 +89,7 @@ impl Tensor {
     }
 
     /// The bisector of a point u.
-    pub fn direction(&self, phi_i: f64, u: [f64; 2]) -> DVec3 {
+    pub(crate) fn direction(&self, phi_i: f64, u: DVec2) -> DVec3 {
         let theta = u[0] * u[0] * FRAC_PI_2;
         let phi = TAU * u[1] - PI + if self.is_isotropic() { phi_i } else { 0.0 };
         DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())

@@ -2,6 +2,8 @@
 //!
 //! A point u goes to s = (how much of its row is to the left, how much of all is below) and back; the map takes area to density. x is the last axis.
 
+use glam::DVec2;
+
 /// A few slices with their weights, which sum to 1.
 pub type Blend = [(usize, f64); 4];
 
@@ -37,18 +39,19 @@ pub struct Place {
 
 impl Grid {
     /// Between which nodes a point is; held at the ends.
-    pub fn place(&self, u: [f64; 2]) -> Place {
+    pub fn place(&self, u: impl Into<DVec2>) -> Place {
+        let u = u.into();
         let along = |u: f64, nodes: usize| {
             let x = u.clamp(0.0, 1.0) * (nodes - 1) as f64;
             let node = (x as usize).min(nodes - 2);
             (node, x - node as f64)
         };
-        let ((column, x), (row, y)) = (along(u[0], self.columns), along(u[1], self.rows));
+        let ((column, x), (row, y)) = (along(u.x, self.columns), along(u.y, self.rows));
         Place { row, column, x, y }
     }
 
     /// The value at a point of one slice, bilinear.
-    pub fn at(&self, u: [f64; 2]) -> f64 {
+    pub fn at(&self, u: impl Into<DVec2>) -> f64 {
         let Place { row, column, x, y } = self.place(u);
         let v = |r: usize, c: usize| f64::from(self.values[(row + r) * self.columns + column + c]);
         (1.0 - y) * ((1.0 - x) * v(0, 0) + x * v(0, 1)) + y * ((1.0 - x) * v(1, 0) + x * v(1, 1))
@@ -105,7 +108,7 @@ impl Warp {
     }
 
     /// From a point to the fractions s, with the density there.
-    pub fn invert(&self, u: [f64; 2], blend: &Blend) -> ([f64; 2], f64) {
+    pub fn invert(&self, u: impl Into<DVec2>, blend: &Blend) -> (DVec2, f64) {
         let last = self.grid.columns - 1;
         let Place { row, column, x, y } = self.grid.place(u);
         let v = |r: usize, c: usize| self.value(blend, row + r, column + c);
@@ -119,27 +122,28 @@ impl Warp {
         let part = x * (left + 0.5 * x * (right - left)) + (1.0 - y) * before(0) + y * before(1);
         let s = if in_row > 0.0 { (part / in_row).clamp(0.0, 1.0) } else { 0.0 };
         let below = self.up_to_row(blend, row) + y * (r0 + 0.5 * y * (r1 - r0));
-        ([s, below.clamp(0.0, 1.0)], density * self.cells())
+        (DVec2::new(s, below.clamp(0.0, 1.0)), density * self.cells())
     }
 
     /// From the fractions s to the point, with the density there.
-    pub fn sample(&self, s: [f64; 2], blend: &Blend) -> ([f64; 2], f64) {
+    pub fn sample(&self, s: impl Into<DVec2>, blend: &Blend) -> (DVec2, f64) {
+        let s = s.into();
         let (rows, columns) = (self.grid.rows, self.grid.columns);
-        let row = search(rows, |row| self.up_to_row(blend, row) <= s[1]);
+        let row = search(rows, |row| self.up_to_row(blend, row) <= s.y);
         let whole = |r: usize| self.along_row(blend, row + r, columns - 1);
-        let y = solve(whole(0), whole(1), s[1] - self.up_to_row(blend, row));
+        let y = solve(whole(0), whole(1), s.y - self.up_to_row(blend, row));
         let mixed = |column: usize| {
             (1.0 - y) * self.along_row(blend, row, column)
                 + y * self.along_row(blend, row + 1, column)
         };
-        let wanted = s[0] * mixed(columns - 1);
+        let wanted = s.x * mixed(columns - 1);
         let column = search(columns, |column| mixed(column) <= wanted);
         let v = |r: usize, c: usize| self.value(blend, row + r, column + c);
         let left = (1.0 - y) * v(0, 0) + y * v(1, 0);
         let right = (1.0 - y) * v(0, 1) + y * v(1, 1);
         let x = solve(left, right, wanted - mixed(column));
         let u = [(column as f64 + x) / (columns - 1) as f64, (row as f64 + y) / (rows - 1) as f64];
-        (u, ((1.0 - x) * left + x * right) * self.cells())
+        (u.into(), ((1.0 - x) * left + x * right) * self.cells())
     }
 
     fn cells(&self) -> f64 {

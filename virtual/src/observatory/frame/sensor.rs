@@ -3,6 +3,7 @@
 use super::spread::Stamp;
 use super::{Scene, Source};
 use crate::observatory::random::{Purpose, Random, stream};
+use glam::DVec2;
 use ndarray::Array2;
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, Poisson, StandardNormal};
@@ -101,8 +102,8 @@ impl Sensor {
     }
 
     /// The middle of the sensor: column and row, where a pixel's middle is a whole number.
-    pub fn middle_px(&self) -> [f64; 2] {
-        self.size_px.map(|size| 0.5 * (f64::from(size) - 1.0))
+    pub fn middle_px(&self) -> DVec2 {
+        self.size_px.map(|size| 0.5 * (f64::from(size) - 1.0)).into()
     }
 
     /// The colour of a pixel: 0 red, 1 green, 2 blue; 0 of a monochrome sensor.
@@ -180,8 +181,8 @@ impl Sensor {
 
     fn sky(&self, exposure: &Exposure, scene: &Scene<'_>) -> Vec<f64> {
         let [columns, rows] = exposure.size_px.map(|size| size as usize);
-        let [middle_x, middle_y] = self.middle_px();
-        let [right, down] = scene.sky.gradient_per_px;
+        let [middle_x, middle_y] = self.middle_px().to_array();
+        let [right, down] = scene.sky.gradient_per_px.to_array();
         let mut light = Vec::with_capacity(columns * rows);
         for row in 0..rows {
             let e = self.colours(exposure, row).map(|c| scene.sky.e_per_s[c] * exposure.exposure_s);
@@ -209,7 +210,7 @@ impl Sensor {
             (exposure.origin_px.map(f64::from), exposure.size_px.map(|size| size as usize));
         let mut stamp = Stamp::default();
         for at_px in &source.path_px {
-            scene.spread.stamp(*at_px, origin, size, outside, &mut stamp);
+            scene.spread.stamp(at_px.to_array(), origin, size, outside, &mut stamp);
             let [left, top] = stamp.origin;
             for (row, weights) in (top..).zip(stamp.weights.chunks_exact(stamp.columns.max(1))) {
                 let e = self.colours(exposure, row).map(|c| source.electrons[c] / parts);

@@ -2,6 +2,7 @@
 
 use super::{Exposure, PointSpread};
 use crate::observatory::random::Random;
+use glam::DVec2;
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, Poisson, StandardNormal};
 
@@ -11,7 +12,7 @@ pub struct Sky {
     /// Electrons per second in a pixel of each colour, in the middle of the sensor.
     pub e_per_s: [f64; 3],
     /// Relative gradient of brightness a pixel to the right and a pixel down, as fractions.
-    pub gradient_per_px: [f64; 2],
+    pub gradient_per_px: DVec2,
 }
 
 /// A point of light, perhaps moving.
@@ -20,28 +21,29 @@ pub struct Source {
     /// Electrons of the whole source in the exposure, for each colour as if every pixel had it.
     pub electrons: [f64; 3],
     /// Where it is, columns and rows of the sensor: at one place, or at several for equal parts of the exposure.
-    pub path_px: Vec<[f64; 2]>,
+    pub path_px: Vec<DVec2>,
 }
 
 impl Source {
     /// A source that stands still.
-    pub fn still(electrons: [f64; 3], at_px: [f64; 2]) -> Self {
-        Self { electrons, path_px: vec![at_px] }
+    pub fn still(electrons: [f64; 3], at_px: impl Into<DVec2>) -> Self {
+        Self { electrons, path_px: vec![at_px.into()] }
     }
 
     /// A source that moves evenly from one place to another while it is exposed: a trail, in steps of a quarter of the point
     /// spread's width at most.
     pub fn trailed(
         electrons: [f64; 3],
-        from_px: [f64; 2],
-        to_px: [f64; 2],
+        from_px: impl Into<DVec2>,
+        to_px: impl Into<DVec2>,
         spread: &PointSpread,
     ) -> Self {
+        let (from_px, to_px) = (from_px.into(), to_px.into());
         let [x, y] = [to_px[0] - from_px[0], to_px[1] - from_px[1]];
         let steps = (4.0 * x.hypot(y) / spread.fwhm_px()).ceil().clamp(1.0, 1e5);
         let place = |step: f64| {
             let part = (step + 0.5) / steps;
-            [from_px[0] + part * x, from_px[1] + part * y]
+            DVec2::new(from_px[0] + part * x, from_px[1] + part * y)
         };
         let path_px = (0..steps as u32).map(|step| place(f64::from(step))).collect();
         Self { electrons, path_px }
@@ -84,7 +86,7 @@ pub struct Scene<'a> {
 impl Scene<'_> {
     /// Nothing but what the sensor itself brings.
     pub const DARK: Scene<'static> = Scene {
-        sky: Sky { e_per_s: [0.0; 3], gradient_per_px: [0.0; 2] },
+        sky: Sky { e_per_s: [0.0; 3], gradient_per_px: DVec2::ZERO },
         sources: &[],
         spread: PointSpread::Gaussian { fwhm_px: 3.0 },
         cosmic_rays: CosmicRays { per_mpx_s: 0.0, length_px: 0.0, e_per_px: 0.0 },

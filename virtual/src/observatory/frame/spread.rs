@@ -1,6 +1,7 @@
 //! Point spread, and the part of it that falls on a pixel.
 
 use crate::observatory::counts::GAUSS_5;
+use glam::DVec2;
 
 /// Nodes and weights of three-point Gauss–Legendre quadrature on [−1, 1].
 const GAUSS_3: [(f64, f64); 3] = [
@@ -58,7 +59,8 @@ impl PointSpread {
 
     /// The fraction of the light of a point at `at_px` that falls on the pixel of a column and row, px. Of a normal distribution it is
     /// exact, of a Moffat profile good to 2e−5 of the light for widths of 1 px and more.
-    pub fn on_pixel(&self, at_px: [f64; 2], column: f64, row: f64) -> f64 {
+    pub fn on_pixel(&self, at_px: impl Into<DVec2>, column: f64, row: f64) -> f64 {
+        let at_px = at_px.into();
         let (x, y) = (column - at_px[0], row - at_px[1]);
         match *self {
             Self::Gaussian { fwhm_px } => {

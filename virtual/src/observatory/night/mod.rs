@@ -11,6 +11,7 @@ use super::frame::Sensor;
 use super::options::Options;
 use super::plan::{Target, Visit};
 use channels::{channel_truth, sensor, true_air};
+use glam::DVec2;
 use hifitime::Epoch;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::{Fibre, Station};
@@ -61,7 +62,7 @@ pub struct VisitTruth {
     /// True light over catalogued light of each channel; 1 of what is no star.
     pub factor: Vec<f64>,
     /// Where the target is meant to stand on the sensor, px from its middle.
-    pub aim_px: [f64; 2],
+    pub aim_px: DVec2,
     /// Times, s from the night's begin.
     pub time_s: Vec<f64>,
     /// Light that arrives at each time for each channel at the fibre's middle and through a clear sky: Hz of a counter, ADU/s of a plane, for the whole

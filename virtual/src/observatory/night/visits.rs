@@ -4,6 +4,7 @@ use super::{ChannelTruth, Instrument, NightError, VisitTruth};
 use crate::observatory::options::{Options, VisitKind};
 use crate::observatory::plan::{Curve, Target, Visit};
 use crate::observatory::random::{Purpose, stream};
+use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -88,8 +89,8 @@ impl Maker<'_> {
         lots.into_iter().map(|(_, _, factors)| factors).collect()
     }
 
-    fn aim_px(&self, number: usize) -> [f64; 2] {
-        let fibres: Vec<[f64; 2]> = (self.channels.iter())
+    fn aim_px(&self, number: usize) -> DVec2 {
+        let fibres: Vec<DVec2> = (self.channels.iter())
             .filter_map(|channel| match &channel.instrument {
                 Instrument::Counter { fibre, .. } => fibre.map(|fibre| fibre.offset_px),
                 Instrument::Plane { .. } => None,
@@ -104,6 +105,7 @@ impl Maker<'_> {
             let off: f64 = StandardNormal.sample(&mut random);
             aim + self.options.pointing.aim_scatter_px * off
         })
+        .into()
     }
 
     fn star(
@@ -111,7 +113,7 @@ impl Maker<'_> {
         visit: &Visit,
         star: &Star,
         factor: Vec<f64>,
-        aim_px: [f64; 2],
+        aim_px: DVec2,
     ) -> Result<VisitTruth, NightError> {
         let no_light = |source| NightError::Light { star: star.label(), source };
         let no_magnitude =
@@ -163,12 +165,7 @@ impl Maker<'_> {
         Ok(made)
     }
 
-    fn curve(
-        &self,
-        visit: &Visit,
-        curve: &Curve,
-        aim_px: [f64; 2],
-    ) -> Result<VisitTruth, NightError> {
+    fn curve(&self, visit: &Visit, curve: &Curve, aim_px: DVec2) -> Result<VisitTruth, NightError> {
         let channels = self.channels.len();
         let whole = curve.rates_hz.iter().all(|row| row.len() == channels)
             && curve.rates_hz.len() == curve.time_s.len()
