@@ -59,8 +59,10 @@ impl Simulators {
         // And its first answer may take seconds on a busy machine, more than a driver waits.
         let mut link = TcpStream::connect(("127.0.0.1", port)).unwrap();
         link.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        link.write_all(b"GET /management/apiversions HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
-            .unwrap();
+        link.write_all(
+            b"GET /management/apiversions HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n",
+        )
+        .unwrap();
         link.read_exact(&mut [0; 12]).unwrap();
         Some(simulators)
     }
