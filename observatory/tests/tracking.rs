@@ -329,7 +329,7 @@ fn frames_count_only_where_the_side_is_known() {
         let (mut refused, mut given) = (Vec::new(), false);
         let went = try_to_follow(&pass, [0.5, 10.0], made, options, &mut |step, _, orders| {
             if !given && step.time_s > 30.0 {
-                given = orders.give(Order::Jog { arcsec: [5.0, 5.0] });
+                given = orders.give(Order::Jog { arcsec: [5.0, 5.0].into() });
             }
             refused.extend(orders.refusals());
         })
@@ -738,7 +738,7 @@ fn a_target_is_kept_where_a_person_wants_it() {
                     kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0].into() });
                 }
                 if !jogged && step.time_s > 90.0 {
-                    jogged = orders.give(Order::Jog { arcsec: [90.0, -120.0] });
+                    jogged = orders.give(Order::Jog { arcsec: [90.0, -120.0].into() });
                     let middle = from - 3600.0 * Unit::Second;
                     assert!(orders.give(Order::Lock { middle, offset_arcsec: [0.0; 2].into() }));
                 }
@@ -772,7 +772,7 @@ fn a_jog_does_not_lead_far_from_the_target() {
         if step.time_s > next_s && refused.is_empty() {
             next_s = step.time_s + 5.0;
             jogs += 1;
-            assert!(orders.give(Order::Jog { arcsec: [0.0, -5400.0] }));
+            assert!(orders.give(Order::Jog { arcsec: [0.0, -5400.0].into() }));
         }
     });
     assert!(jogs == 2 && refused.len() == 1, "{jogs} jogs, {refused:?}");
