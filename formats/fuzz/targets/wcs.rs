@@ -10,10 +10,10 @@ pub fn run(bytes: &[u8]) {
         let Ok(Some(wcs)) = Wcs::from_header(hdu.header()) else { continue };
         let _ = wcs.scale_arcsec();
         for place in [[0.5, 0.5], [-1e6, 3.0], [512.0, 1e300], [f64::NAN, 0.0]] {
-            if let Some(sky) = wcs.sky(place) {
+            if let Some(sky) = wcs.sky(place.into()) {
                 let _ = wcs.pixel(sky);
             }
         }
-        let _ = wcs.pixel([0.0, 90.0]);
+        let _ = wcs.pixel([0.0, 90.0].into());
     }
 }
