@@ -47,6 +47,29 @@ pub(super) fn harmonics(series: &Series, frequency_hz: f64, highest_hz: f64) -> 
     below.min(MOST).min(series.len() / 16).max(1)
 }
 
+/// Harmonics whose amplitudes are polynomials in time, fitted to a series.
+pub(super) struct Drifting {
+    /// What they leave, by sample, in units of the values.
+    pub left: Vec<f64>,
+    /// Share of the weighted variance that they explain, 0 to 1.
+    pub power: f64,
+    /// Coefficients: of the mean and of the cosine and sine of each harmonic, all by rising powers of the time, which runs from −1 to 1 along the series.
+    coefficients: Vec<f64>,
+    drift: usize,
+}
+
+impl Drifting {
+    /// The cosine's and the sine's coefficient of a harmonic (from 1), of a power of the time.
+    pub fn amplitude(&self, harmonic: usize, power: usize) -> [f64; 2] {
+        [2 * harmonic - 1, 2 * harmonic].map(|k| self.coefficients[(self.drift + 1) * k + power])
+    }
+
+    /// Unknowns of such a model beside the mean.
+    pub fn unknowns(harmonics: usize, drift: usize) -> usize {
+        (2 * harmonics + 1) * (drift + 1) - 1
+    }
+}
+
 /// Returns the residual of a series after harmonics with drifting amplitudes; `None` where they cannot be told apart.
 pub(super) fn residual(
     series: &Series,
@@ -54,9 +77,19 @@ pub(super) fn residual(
     harmonics: usize,
     drift: usize,
 ) -> Option<Vec<f64>> {
+    drifting(series, frequency_hz, harmonics, drift).map(|model| model.left)
+}
+
+/// Fits harmonics with amplitudes that are polynomials of the degree `drift` in time; `None` where they cannot be told apart.
+pub(super) fn drifting(
+    series: &Series,
+    frequency_hz: f64,
+    harmonics: usize,
+    drift: usize,
+) -> Option<Drifting> {
     let time = centred_times(series);
     let half = (0.5 * series.span_s()).max(f64::MIN_POSITIVE);
-    let columns = (2 * harmonics + 1) * (drift + 1);
+    let columns = Drifting::unknowns(harmonics, drift) + 1;
     if series.len() <= columns {
         return None;
     }
@@ -92,8 +125,14 @@ pub(super) fn residual(
         normal[(k, k)] += ridge;
     }
     let solution = Cholesky::new(normal)?.solve(&(&design * &values));
-    let left = values - design.transpose() * solution;
-    Some(left.iter().zip(&series.weight).map(|(r, w)| r / w.sqrt()).collect())
+    let variation = values.norm_squared();
+    let left = values - design.transpose() * &solution;
+    Some(Drifting {
+        power: if variation > 0.0 { 1.0 - left.norm_squared() / variation } else { 0.0 },
+        left: left.iter().zip(&series.weight).map(|(r, w)| r / w.sqrt()).collect(),
+        coefficients: solution.iter().copied().collect(),
+        drift,
+    })
 }
 
 /// Samples ready for sums at single frequencies.

@@ -118,10 +118,11 @@ pub fn text(found: &FoundPeriod) -> String {
             percent(*height)
         );
     }
-    if v.is_changing {
+    if v.drift_turns > 0.0 {
         let _ = writeln!(
             text,
-            "changing  the light is not the same from turn to turn: its phase may drift by 0.15 of a turn over the data, which is in the uncertainty"
+            "changing  parts of a turn go ahead of others, or light comes and goes: the phase may drift by {:.2} of a turn from the first sample to the last (one standard deviation), which is in the uncertainty",
+            v.drift_turns
         );
     }
     let _ = writeln!(
@@ -268,6 +269,7 @@ fn why(found: &FoundPeriod, member: &Member) -> String {
             )
         }
         Membership::Flashes => "asked for by the flashes, not by the harmonics".into(),
+        Membership::Second => "or one of two periods at once, which explain the light as well as one period of light that changes: more turns would tell".into(),
         Membership::Alias => "another peak, nearly as high; samples in the gaps would tell".into(),
         _ => String::new(),
     }
@@ -347,7 +349,8 @@ pub fn json(found: &FoundPeriod) -> Value {
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
         })),
-        "changing": v.is_changing,
+        "changing": v.drift_turns > 0.0,
+        "drift_turns": v.drift_turns,
         "folding": v.folding.map(|f| json!({
             "step_s": rounded(f.step_s), "exposure_s": f.exposure_s.map(rounded), "presumes_full_exposures": f.exposure_s.is_none(), "unnamed": f.unnamed, "shortest_s": finite(f.shortest_s),
         })),

@@ -205,6 +205,24 @@ fn alike(a: &Estimate, b: &Estimate, span_s: f64) -> bool {
     (a.period_s - b.period_s).abs() <= within.min(0.05 * a.period_s)
 }
 
+/// Turns over a span by which a frequency may miss a multiple of the comb's.
+const HARMONIC: f64 = 0.5;
+
+/// Whether the frequency of a period is a multiple of that of a comb.
+fn is_harmonic(of: &Estimate, comb: &Estimate, span_s: f64) -> bool {
+    let ratio = comb.period_s / of.period_s;
+    let miss = (ratio - ratio.round()).abs() * span_s / comb.period_s;
+    ratio.round() >= 1.0 && miss < HARMONIC
+}
+
+/// Whether the flashes of some series have a period of which two others are parts: flashes of one period have lines at many multiples of its frequency, and harmonics may take these for two periods at once.
+pub(super) fn explains_both(series: &[Series], pair: [Estimate; 2]) -> bool {
+    let span_s = series.iter().map(Series::span_s).fold(0.0, f64::max);
+    let train = flash_train(series, &Options::default());
+    let best = train.and_then(|train| train.periods.first().map(|m| m.estimate));
+    best.is_some_and(|comb| pair.iter().all(|e| is_harmonic(e, &comb, span_s)))
+}
+
 /// The verdict of harmonics together with the flashes of the same series. A verdict of harmonics is never replaced: where flashes have periods of which none is among its own, both are members of a
 /// family. Where harmonics have no answer, that of the flashes is given.
 pub fn with_flashes(
@@ -245,10 +263,14 @@ pub fn with_flashes(
                 verdict.outcome = Outcome::Family(all);
             }
         }
-        // Light with two periods has no comb of one.
+        // Light with two periods has no comb of one: flashes were asked before.
         Outcome::Two(..) => {}
         Outcome::Family(members) => {
-            let known = |f: &Member| members.iter().any(|m| explains(&m.estimate, &f.estimate));
+            // One of two periods at once says nothing about a comb.
+            let known = |f: &Member| {
+                let of_one = members.iter().filter(|m| m.membership != Membership::Second);
+                of_one.into_iter().any(|m| explains(&m.estimate, &f.estimate))
+            };
             let new: Vec<Member> = train.periods.iter().filter(|f| !known(f)).copied().collect();
             members.extend(by_flashes(&new));
         }

@@ -1,5 +1,6 @@
 //! Second questions to a candidate period: its double and triple, its half and third, other peaks.
 
+use super::super::flashes::explains_both;
 use super::super::lines::{Lines, harmonics as most_harmonics, residual};
 use super::super::pdm::{Dispersion, dispersion_test};
 use super::super::significance::false_alarm;
@@ -8,18 +9,17 @@ use super::super::{FrequencyGrid, PeriodError, pdm};
 use super::outcome::{Estimate, Member, Membership, Outcome, Question, Reason, Verdict};
 use super::search::Search;
 use super::two::Pair;
+use crate::series::Series;
 
 /// Fewer turns than that show no repetition.
 const LEAST_TURNS: f64 = 3.0;
-/// Turns over the data by which the phase of a light may drift that changes from turn to turn, as one standard deviation: a glint wanders over a part of a turn while it is seen.
-const DRIFT: f64 = 0.15;
 /// A chance below this is a yes, above the next a no, between them neither.
 const YES: f64 = 1e-4;
 const NO: f64 = 0.02;
 /// Turns that may differ by more than this share of their light are not known to be alike: the body may have like sides.
-const ALIKE: f64 = 0.1;
+pub(super) const ALIKE: f64 = 0.1;
 /// The same of thirds of a turn: bodies of three like sides are rarer, and have to be more alike to be taken for one.
-const ALIKE_RARE: f64 = 0.5;
+pub(super) const ALIKE_RARE: f64 = 0.5;
 
 /// Whether a multiple is neither there nor ruled out.
 fn is_open(question: &Question, n: usize) -> bool {
@@ -110,24 +110,21 @@ impl Search<'_> {
         answer.independent_channels = channels * self.series.len() as f64;
         answer.independent_samples = samples;
         answer.window_peaks = self.window_peaks()?;
-        match self.two_periods(base, harmonics, &answer.window_peaks, independent) {
-            Some(Pair::Two(first, second)) => {
-                answer.outcome = Outcome::Two(first, second);
-                return Ok(());
-            }
-            Some(Pair::Either(first, second)) => {
-                let (first_s, second_s) = (first.period_s, second.period_s);
-                answer.outcome = Outcome::NotEnough(Reason::OneOrTwo { first_s, second_s });
-                return Ok(());
-            }
-            Some(Pair::Changing) => {
-                answer.is_changing = true;
-                let drift_s = DRIFT * best.period_s / turns;
-                best.sigma_s = best.sigma_s.hypot(drift_s);
-                answer.best = Some(best);
-            }
-            None => {}
+        let change = self.change(base, harmonics, independent);
+        let peaks = &answer.window_peaks;
+        let pair = self.two_periods(base, harmonics, &change.apart, peaks, independent);
+        let pair = pair.or_else(|| change.running_away()).filter(|pair| {
+            let (Pair::Two(a, b) | Pair::Either(a, b)) = *pair;
+            let series: Vec<Series> = self.series.iter().map(|s| (*s).clone()).collect();
+            !explains_both(&series, [a, b])
+        });
+        if let Some(Pair::Two(first, second)) = pair {
+            answer.outcome = Outcome::Two(first, second);
+            return Ok(());
         }
+        answer.drift_turns = change.drift_turns;
+        best.sigma_s = best.sigma_s.hypot(change.drift_turns * best.period_s / turns);
+        answer.best = Some(best);
         if turns < LEAST_TURNS {
             let period_s = best.period_s;
             let (least, wanted_s) = (LEAST_TURNS, LEAST_TURNS * period_s);
@@ -169,6 +166,12 @@ impl Search<'_> {
                 members.push(Member { estimate: scaled(1.0 / by), membership, turns: turns * by });
             }
             answer.questions.push(question);
+        }
+        if let Some(Pair::Either(first, second)) = pair {
+            for estimate in [first, second] {
+                let turns = self.range.span_s / estimate.period_s;
+                members.push(Member { estimate, membership: Membership::Second, turns });
+            }
         }
         for f in self.rivals(base, curves, independent) {
             let estimate = self.estimate(f, self.order(f), independent);

@@ -5,9 +5,10 @@
 //! nothing is lost. What is left is the smallest period that its multiples do not better; phase dispersion is asked the same by an F test. Where an answer is neither
 //! yes nor no, both periods are members of a family, with what would decide.
 //!
-//! Even samples show f and |n f_s ± f| alike. Exposures that are known tell some of these apart: what turns in less than two of them, or has a harmonic that turns in less than 1.25 of them, is averaged away. The others are members. Where exposures
-//! are not known they are presumed to fill the time between samples, and the verdict says so. Where many harmonics stand out, two periods at once are asked for (module `two`).
+//! Even samples show f and |n f_s ± f| alike. Exposures that are known tell some of these apart: what turns in less than two of them, or has a harmonic that turns in less than 1.1 of them, is averaged away. The others are members. Where exposures
+//! are not known they are presumed to fill the time between samples, and the verdict says so. Where many harmonics stand out, or some leave a line or do not keep step, two periods at once are asked for (module `two`).
 
+mod change;
 mod clock;
 mod judge;
 mod outcome;
@@ -49,7 +50,7 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
         searched_s: None,
         window_peaks: Vec::new(),
         folding: None,
-        is_changing: false,
+        drift_turns: 0.0,
         independent_channels: 0.0,
         independent_samples: 1.0,
         left_out: Vec::new(),

@@ -32,6 +32,8 @@ pub enum Membership {
     Part(usize),
     /// Another peak of the periodogram, nearly as high.
     Alias,
+    /// One of two at once, which explain the light about as well as one period does whose light changes.
+    Second,
     /// Not among the periods that harmonics give: flashes ask for it.
     Flashes,
     /// Even samples show it as the best: |n f_s ± f| with the rate f_s of the samples, the number n, and exposures that are too short to rule it out.
@@ -94,16 +96,6 @@ pub enum Reason {
         period_s: f64,
         /// The chance.
         chance: f64,
-    },
-    /// Two periods, or a light that changes.
-    #[error(
-        "two periods at once, {first_s:.6} s and {second_s:.6} s, or one of a light that changes within a part of the data: small multiples of both lie within {within} turns of one another, and more turns would tell", within = super::two::WELL_APART
-    )]
-    OneOrTwo {
-        /// The period with more light, s.
-        first_s: f64,
-        /// The other, s.
-        second_s: f64,
     },
     /// Nothing that repeats often enough.
     #[error(
@@ -186,9 +178,8 @@ pub struct Verdict {
     pub window_peaks: Vec<(f64, f64)>,
     /// Even sampling, and what it cannot tell from the best; `None` where the sampling is uneven.
     pub folding: Option<Folding>,
-    /// Whether the light changes from turn to turn, so that two frequencies near a small multiple of one another explain it better than one: then its phase may drift by 0.15 of a turn over the
-    /// data, which is in the uncertainties.
-    pub is_changing: bool,
+    /// Drift of the phase over the data that parts of a turn show which go ahead of others, turns, as one standard deviation: it is in the uncertainties. 0 where all keep step.
+    pub drift_turns: f64,
     /// Channels that say something of their own: fewer than there are where the noise is shared.
     pub independent_channels: f64,
     /// The share of the samples that are independent of their neighbours.

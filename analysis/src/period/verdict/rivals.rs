@@ -1,7 +1,9 @@
 //! Rivals of a period: other peaks, and what the sampling does.
 
+use super::super::fit::{HarmonicFit, fit};
 use super::super::sums::turns;
 use super::super::{FrequencyGrid, PeriodError, window};
+use super::judge::{ALIKE, ALIKE_RARE};
 use super::outcome::Folding;
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
 use super::search::Search;
@@ -17,10 +19,18 @@ const EVEN: f64 = 0.9;
 const LEAST_EXPOSURES: f64 = 1.1;
 /// Folded periods that are named.
 const MOST_FOLDED: usize = 12;
-/// Harmonics of a folded turn that are fitted.
-const FOLDED_HARMONICS: usize = 6;
 /// Multiples of the sampling that are counted.
 const MOST_MULTIPLES: usize = 10_000;
+
+/// Variance of the cosine's or the sine's amplitude of a fit.
+fn noise_of(series: &Series, model: &HarmonicFit, independent: f64) -> f64 {
+    let n = series.len() as f64;
+    let mean = series.mean();
+    let about = series.value.iter().zip(&series.weight).map(|(v, w)| w * (v - mean).powi(2));
+    let left = about.sum::<f64>() * (1.0 - model.power);
+    let free = (n - 2.0 * model.harmonics.len() as f64 - 1.0).max(1.0);
+    2.0 * left / free / (n * independent)
+}
 
 impl Search<'_> {
     /// Peaks of the sampling's own spectrum, the highest first.
@@ -75,7 +85,7 @@ impl Search<'_> {
     }
 
     /// Even sampling, and the frequencies that it folds onto `base` and the exposures do not rule out, the lowest first, by the multiple of the sampling. `harmonics` stand out at `base`. The light that is seen at `base` may also be the second or third harmonic of a
-    /// folded turn, whose other harmonics are seen elsewhere: where that does as well.
+    /// folded turn, whose other harmonics are seen elsewhere: as with the multiples of a period, where it is not known that they are missing.
     pub fn folded(
         &self,
         base: f64,
@@ -96,20 +106,16 @@ impl Search<'_> {
             return Some((folding, Vec::new()));
         }
         let highest_hz = 1.0 / (LEAST_EXPOSURES * longest * harmonics as f64);
-        let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
-        let least = self.gain(base, harmonics) - cost * harmonics as f64 - RIVAL / independent;
-        let does_as_well =
-            |f: f64| (1..=FOLDED_HARMONICS).any(|k| self.gain(f, k) - cost * k as f64 > least);
         // By the part of a turn, the rest of the multiple of the sampling, and the sign: (n f_s ± f)/part. Of pairs that fold onto one another one is asked.
-        let halves = does_as_well((even_hz - base) / 2.0);
-        let thirds = does_as_well((even_hz - base) / 3.0);
-        let others = does_as_well((2.0 * even_hz - base) / 3.0);
+        let open = |f: f64, part: usize| self.is_part_open(f, part, harmonics, independent);
+        let halves = [open(base / 2.0, 2), open((even_hz - base) / 2.0, 2)];
+        let thirds = [base, even_hz - base, 2.0 * even_hz - base].map(|times| open(times / 3.0, 3));
         let is_possible = |n: usize, sign: f64, part: usize| match (part, n % part, sign < 0.0) {
             (1, ..) => true,
-            (2, 1, _) => halves,
-            (3, 1, true) | (3, 2, false) => thirds,
-            (3, 2, true) | (3, 1, false) => others,
-            _ => false,
+            (2, rest, _) => halves[rest],
+            (_, 0, _) => thirds[0],
+            (_, 1, true) | (_, 2, false) => thirds[1],
+            _ => thirds[2],
         };
         let mut all = Vec::new();
         for n in 1..=MOST_MULTIPLES {
@@ -122,7 +128,10 @@ impl Search<'_> {
                     let f = (middle + sign * base) / part as f64;
                     // A part of a turn has as many more harmonics.
                     let above = part as f64 * f > highest_hz && part > 1;
-                    if f > self.range.highest_hz
+                    // What is searched for is found there, but for turns of which a harmonic beyond the search is what is seen.
+                    let is_beyond = f > self.range.highest_hz || part > 1;
+                    if is_beyond
+                        && f >= self.range.lowest_hz
                         && f <= highest_hz
                         && !above
                         && is_possible(n, sign, part)
@@ -139,6 +148,27 @@ impl Search<'_> {
         folding.unnamed = all.len().saturating_sub(MOST_FOLDED);
         all.truncate(MOST_FOLDED);
         Some((folding, all))
+    }
+
+    /// Whether the harmonics of a frequency that are no multiples of `part` may be there, by as much as turns of bodies with like sides may differ.
+    fn is_part_open(&self, f: f64, part: usize, harmonics: usize, independent: f64) -> bool {
+        let limit = if part == 3 { ALIKE_RARE } else { ALIKE };
+        let (mut others, mut own, mut noise, mut number) = (0.0, 0.0, 0.0, 0.0);
+        for s in self.series {
+            let Ok(model) = fit(s, f, part * harmonics) else { return true };
+            let each = noise_of(s, &model, independent);
+            for (k, [a, b]) in model.harmonics.iter().enumerate() {
+                // Squares of cosine and sine: noise gives as much again as their scatter.
+                let light = a * a + b * b - 2.0 * each;
+                if (k + 1).is_multiple_of(part) {
+                    own += light;
+                } else {
+                    (others, noise, number) = (others + light, noise + 2.0 * each, number + 1.0);
+                }
+            }
+        }
+        let scatter = noise / f64::max(number, 1.0).sqrt();
+        own <= 0.0 || 2.0 * ((others.max(0.0) + 2.0 * scatter) / own).sqrt() > limit
     }
 
     /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.
