@@ -122,7 +122,7 @@ fn judged(found: &SessionPeriods, truth: f64) -> Judged {
 /// the truth; where four harmonics fit best at the true period, 80 % are answered: by it, or by a family with it. Intervals of single answers hold the truth in 92 % or more.
 #[test]
 fn campaign_session_periods() {
-    let mut campaign = Campaign::start("session_periods", 500);
+    let mut campaign = Campaign::with_part("session_periods", 500, 15);
     let mut counts = [0_usize; 6];
     let (mut held, mut fits, mut answered) = (0, 0, 0);
     for seed in campaign.seeds() {

@@ -148,17 +148,18 @@ fn data(
     let mut data = Data::default();
     let (mut used, mut left_out, mut dark) = (Vec::new(), LeftOut::default(), Vec::new());
     let anisotropic = samples.has_azimuths();
-    let limit = saturated(samples, column).map_or(f64::INFINITY, |s| s * (1.0 - ALIKE));
+    let limit = saturated(samples, column);
     for (k, row) in samples.rows.iter().enumerate() {
         let value = row.brdf_per_sr[column];
         let (i, o) = row.directions();
+        let at_limit = limit.is_some_and(|limit| limit.holds(value, o));
         let (i, o) = if anisotropic { (i, o) } else { turned(i, o) };
         let sigma = row.sigma_per_sr.get(column).copied().unwrap_or(f64::NAN);
         if value.is_nan() {
             left_out.missing += 1;
         } else if i.z < 1e-6 || o.z < 1e-6 {
             left_out.horizon += 1;
-        } else if value >= limit {
+        } else if at_limit {
             left_out.saturated += 1;
         } else if value <= 0.0 {
             left_out.not_above_zero += 1;
@@ -231,20 +232,58 @@ fn figures(data: &Data, law: &Evaluated<'_>) -> Vec<Flaw> {
 
 /// Values that differ by less than this part are the same number.
 const ALIKE: f64 = 1e-9;
+/// A detector at its limit reads the same within this part: noise of its converter, and digits of a file.
+const NOISE: f64 = 3e-3;
 /// A value below this part of the maximum follows a plateau of a saturated detector; a rounded number would follow closely.
 const BELOW: f64 = 0.97;
 
-/// The largest value, where it is a detector's limit: at one incidence it is there at two distances from the mirrored direction or more, and what comes next is clearly less.
-fn saturated(samples: &Samples, column: usize) -> Option<f64> {
-    let value = |row: &Sample| row.brdf_per_sr[column];
+/// The limit of a detector that stands in a table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Saturation {
+    /// The largest value, 1/sr: of f, or of f cos θ_o.
+    per_sr: f64,
+    /// Whether it is that of the detector's signal, which goes as f cos θ_o.
+    signal: bool,
+    /// What is above this is at the limit.
+    from: f64,
+}
+
+impl Saturation {
+    /// Returns true for a value of f at the limit.
+    fn holds(&self, value: f64, o: DVec3) -> bool {
+        (if self.signal { value * o.z } else { value }) >= self.from
+    }
+}
+
+/// Returns the limit of a detector where values stand at one: at one incidence the largest value is there at several distances from the mirrored direction, and what comes next is clearly less.
+///
+/// It is looked for in f itself and in f cos θ_o, which is what a detector sees. Two distances are enough for numbers that are the same; where they agree to 0.3 % only, three are asked for.
+fn saturated(samples: &Samples, column: usize) -> Option<Saturation> {
+    [(false, ALIKE, 2), (false, NOISE, 3), (true, NOISE, 3)].into_iter().find_map(
+        |(signal, tolerance, distances)| plateau(samples, column, signal, tolerance, distances),
+    )
+}
+
+fn plateau(
+    samples: &Samples,
+    column: usize,
+    signal: bool,
+    tolerance: f64,
+    distances: usize,
+) -> Option<Saturation> {
+    let value = |row: &Sample| {
+        let (_, o) = row.directions();
+        row.brdf_per_sr[column] * if signal { o.z } else { 1.0 }
+    };
     let most = samples.rows.iter().map(value).filter(|v| v.is_finite()).fold(0.0_f64, f64::max);
+    let from = most * (1.0 - tolerance);
     let mut by_incidence: std::collections::BTreeMap<[i64; 2], (Vec<f64>, f64)> =
         std::collections::BTreeMap::new();
     for row in &samples.rows {
         let (i, o) = row.directions();
         let key = [i.x, i.y].map(|v| (v * 1e5).round() as i64);
         let entry = by_incidence.entry(key).or_default();
-        if value(row) >= most * (1.0 - ALIKE) {
+        if value(row) >= from {
             entry.0.push((i.x + o.x).hypot(i.y + o.y));
         } else if value(row) > entry.1 {
             entry.1 = value(row);
@@ -255,9 +294,10 @@ fn saturated(samples: &Samples, column: usize) -> Option<f64> {
         radii.sort_by(f64::total_cmp);
         // The same by symmetry is one distance.
         radii.dedup_by(|a, b| (*a - *b).abs() < 2e-3);
-        radii.len() > 1 && *next > 0.0 && *next < BELOW * most
+        radii.len() >= distances && *next > 0.0 && *next < BELOW * most
     };
-    by_incidence.values_mut().any(is_plateau).then_some(most)
+    let found = by_incidence.values_mut().any(is_plateau);
+    found.then_some(Saturation { per_sr: most, signal, from })
 }
 
 /// Pairs of neighbouring rows: the same incidence, and the next in order along the plane of incidence and around it.

@@ -480,6 +480,23 @@ fn saturated_peaks_are_left_out() {
     let said = |f: &Flaw| matches!(f, Flaw::Saturated { per_sr, .. } if *per_sr == 20.0);
     assert!(found.flaws.iter().any(said));
     assert!((found.numbers[1].value / 0.03 - 1.0).abs() < 0.05, "{:?}", found.numbers);
+    // A detector clips its signal, f cos θ_o, here at 8 sr⁻¹ with a converter's noise of 0.05 %: in f the plateau leans.
+    let mut converter = normals(3);
+    let (mut clipped, mut values) = (0, Vec::new());
+    let leaning = in_plane(&[10.0, 30.0, 50.0, 70.0], &mut |i, o| {
+        let seen = law(i, o) * o.z * (1.0 + 0.01 * normal());
+        clipped += usize::from(seen > 8.0);
+        values.push(seen);
+        seen.min(8.0) * (1.0 + 5e-4 * converter()) / o.z
+    });
+    let found = fit_surface(&leaning, &options, &Silent).unwrap();
+    let said = |f: &Flaw| matches!(f, Flaw::Saturated { signal: true, .. });
+    assert!(found.flaws.iter().any(said), "{:?}", found.flaws);
+    // Those that came within the noise of the limit may be left out, too.
+    let left_out = found.left_out.saturated;
+    let near = values.iter().filter(|v| **v > 8.0 * (1.0 - 6e-3)).count();
+    assert!(left_out >= clipped && left_out <= near, "{left_out} {clipped} {near}");
+    assert!((found.numbers[1].value / 0.03 - 1.0).abs() < 0.05, "{:?}", found.numbers);
     let wide = ggx(0.6, 0.3, 0.3, false, 0.1);
     let rounded = in_plane(&[10.0, 30.0, 50.0], &mut |i, o| (wide(i, o) * 1e3).round() / 1e3);
     assert_eq!(fit_surface(&rounded, &options, &Silent).unwrap().left_out.saturated, 0);

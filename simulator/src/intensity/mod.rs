@@ -16,6 +16,7 @@ use crate::light::{
     Source, Term, View,
 };
 use crate::pass::light_name;
+use crate::surface::is_uncovered;
 use crate::target::Target;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -304,6 +305,8 @@ pub struct Intensity {
     pub met: bool,
     /// Which light has most of the stated error, where that is more than the tolerance.
     pub limited_by: Option<&'static str>,
+    /// Whether some of the light comes from geometries that a material's table does not cover: the nearest values that it has are held there.
+    pub extrapolated: bool,
     /// The light at each wavelength.
     pub light: Vec<At>,
     /// The terms that have light or an error.
@@ -323,6 +326,8 @@ pub struct Intensities {
     tau: Vec<f64>,
     /// The Sun's irradiance at 1 au at each wavelength, W m⁻² nm⁻¹.
     sun: Vec<f64>,
+    /// Terms whose weight says that geometries were not measured.
+    uncovered: Vec<usize>,
 }
 
 impl Intensities {
@@ -345,6 +350,9 @@ impl Intensities {
         let nm = &options.wavelength_nm;
         for term in engine.terms() {
             let (Source::Direct, Some(material)) = (term.source, term.material) else { continue };
+            if is_uncovered(&term.spectrum) {
+                continue;
+            }
             let (from_nm, to_nm) = term.spectrum.range_nm();
             if let Some(nm) = nm.iter().copied().find(|nm| !(from_nm..=to_nm).contains(nm)) {
                 let material = materials[material].clone();
@@ -360,7 +368,10 @@ impl Intensities {
         let at = |term: &Term| nm.iter().map(|nm| term.spectrum.at(*nm)).collect::<Vec<f64>>();
         let tau = engine.terms().iter().flat_map(at).collect();
         let sun = nm.iter().map(|nm| sun_at_1_au().at(*nm)).collect();
-        Ok(Self { engine, options, materials, tau, sun })
+        let uncovered = (0..engine.lit_terms())
+            .filter(|k| is_uncovered(&engine.terms()[*k].spectrum))
+            .collect();
+        Ok(Self { engine, options, materials, tau, sun, uncovered })
     }
 
     /// Returns the target's needs, effect by effect. The Earth's shadow is none of them: the body is in full sunlight.
@@ -590,8 +601,10 @@ impl IntensityWorker<'_> {
             stated_relative,
             met,
             limited_by,
+            extrapolated: all.uncovered.iter().any(|k| weights[*k] != 0.0),
             weights: (0..terms.len())
                 .filter(|k| weights.get(*k).is_some_and(|w| *w != 0.0) || errors[*k] != 0.0)
+                .filter(|k| !all.uncovered.contains(k))
                 .map(weight)
                 .collect(),
             light,

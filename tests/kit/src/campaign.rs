@@ -33,9 +33,14 @@ pub struct Campaign {
 impl Campaign {
     /// A campaign of `n` seeds (at least ten), or of the first twentieth of them, at least one.
     pub fn start(name: &'static str, n: u64) -> Self {
+        Self::with_part(name, n, (n / 20).max(1))
+    }
+
+    /// A campaign of `n` seeds (at least ten), or of the first `few`.
+    pub fn with_part(name: &'static str, n: u64, few: u64) -> Self {
         assert!(n >= 10, "a campaign has at least ten seeds");
         let full = wanted(name);
-        let seeds = 0..if full { n } else { (n / 20).max(1) };
+        let seeds = 0..if full { n } else { few };
         Self { name, n, seeds, full, rows: None, figures: Vec::new() }
     }
 

@@ -40,6 +40,8 @@ const GAP_SHARE: f64 = 0.05;
 const MISCOUNTED: f64 = 2.5;
 /// Periods are told apart by so much of a turn over the span.
 const SAME_COUNT: f64 = 0.4;
+/// Added and taken off again it leaves the nearest whole number (of those below 2^51), in two sums that a processor does for several numbers at once: 1.5 × 2^52.
+const NEAREST: f64 = 6_755_399_441_055_744.0;
 /// The least chance that the copies can tell.
 pub(super) const LEAST_CHANCE: f64 = 1e-6;
 
@@ -162,16 +164,22 @@ impl Grid {
         let most = (1.0 / (self.lowest_hz * self.width_s)) as usize + 2;
         // Counts of half bins with the frequency for which they hold: nothing is cleared.
         let mut counts: Vec<(u32, u32)> = vec![(u32::MAX, 0); most];
-        let mut full: Vec<usize> = Vec::new();
+        let (mut full, mut bins): (Vec<usize>, Vec<i32>) = (Vec::new(), Vec::new());
         for i in 0..self.n {
             let f = self.frequency_hz(i);
             let places = 1.0 / (f * self.width_s);
             let halves = (places as usize).clamp(2, most);
             let stamp = i as u32;
             full.clear();
-            for t in times {
+            bins.clear();
+            bins.extend(times.iter().map(|t| {
                 let turn = f * t;
-                let at = (((turn - turn.floor()) * halves as f64) as usize).min(halves - 1);
+                let part = turn - ((turn + NEAREST) - NEAREST);
+                let part = if part < 0.0 { part + 1.0 } else { part };
+                (part * halves as f64) as i32
+            }));
+            for bin in &bins {
+                let at = (*bin as usize).min(halves - 1);
                 let own = &mut counts[at];
                 if own.0 != stamp {
                     *own = (stamp, 0);

@@ -23,7 +23,7 @@ pub use judge::Region;
 pub use model::{Cone, Floor, Kind, Recipe, Rise, Surface};
 
 use super::report::{FitError, LeftOut};
-use super::{ALIKE, independent, saturated, student_quantile, wavelength};
+use super::{independent, saturated, student_quantile, wavelength};
 use crate::samples::{Samples, turned};
 use judge::{Incidence, Judge};
 use search::Candidate;
@@ -264,6 +264,8 @@ pub enum Flaw {
     Saturated {
         /// That value, sr⁻¹.
         per_sr: f64,
+        /// Whether it is that of f cos θ_o, as the detector sees it; else of f.
+        signal: bool,
         /// How many have it.
         values: usize,
     },
@@ -340,9 +342,10 @@ impl fmt::Display for Flaw {
                 }
                 Ok(())
             }
-            Self::Saturated { per_sr, values } => write!(
+            Self::Saturated { per_sr, signal, values } => write!(
                 f,
-                "{values} values are the same maximum, {per_sr} sr⁻¹: the detector was saturated. They are left out, and the peak is what the law makes of its sides"
+                "{values} values are the same maximum, {}{per_sr} sr⁻¹: the detector was saturated. They are left out, and the peak is what the law makes of its sides",
+                if *signal { "f cos θ_o = " } else { "" }
             ),
             Self::NotReciprocal { pairs, rms_ln } => write!(
                 f,
@@ -598,7 +601,7 @@ fn incidences(
     }
     let mut left_out = LeftOut::default();
     let least = options.theta_most_deg.to_radians().cos() - 1e-9;
-    let saturated = saturated(samples, column).map_or(f64::INFINITY, |s| s * (1.0 - ALIKE));
+    let limit = saturated(samples, column);
     let additive = options.additive_per_sr;
     let mut rows = Vec::new();
     for (k, row) in samples.rows.iter().enumerate() {
@@ -609,7 +612,7 @@ fn incidences(
             left_out.missing += 1;
         } else if i.z < least.max(1e-6) || o.z < least.max(1e-6) {
             left_out.horizon += 1;
-        } else if value >= saturated {
+        } else if limit.is_some_and(|limit| limit.holds(value, o)) {
             left_out.saturated += 1;
         } else if value <= 0.0 && additive <= 0.0 {
             left_out.not_above_zero += 1;
@@ -752,9 +755,9 @@ fn finish(
     if incidences.len() < FEW_INCIDENCES {
         flaws.push(Flaw::FewIncidences { incidences: incidences.len() });
     }
-    if left_out.saturated > 0 {
-        let per_sr = saturated(samples, column).unwrap_or(f64::NAN);
-        flaws.push(Flaw::Saturated { per_sr, values: left_out.saturated });
+    if let Some(limit) = saturated(samples, column).filter(|_| left_out.saturated > 0) {
+        let (per_sr, values) = (limit.per_sr, left_out.saturated);
+        flaws.push(Flaw::Saturated { per_sr, signal: limit.signal, values });
     }
     if left_out.not_above_zero + left_out.few + left_out.missing > 0 {
         flaws.push(Flaw::LeftOut { left_out });
