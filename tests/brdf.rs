@@ -376,3 +376,27 @@ fn a_spectrum_colours_the_fit() {
     let albedo = albedo.unwrap_or_else(|| panic!("{json}"));
     assert!((albedo / (0.2 * std::f64::consts::PI) - 1.0).abs() < 1e-4, "{albedo}");
 }
+
+/// A Zemax-like grid about the normal in CSV, up to 60° (synthetic: f = 0.1 /sr). Truth: an incidence is extrapolated where the table ends before it; what is measured is 0.1 π to 2 %.
+#[test]
+fn what_was_not_measured_is_marked() {
+    let folder = Folder::new("brdf-marked");
+    let mut table = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_per_sr\n".to_owned();
+    for theta_i in [0, 20, 40, 60] {
+        for theta_o in [0, 20, 40, 60, 80] {
+            for phi in [0, 45, 90, 135, 180] {
+                let _ = writeln!(table, "{theta_i},0,{theta_o},{phi},0.1");
+            }
+        }
+    }
+    std::fs::write(folder.path("flat.csv"), table).unwrap();
+    let shown = folder.json(&["brdf", "show", "flat.csv", "--wavelength-nm", "532", "--json"]);
+    for row in shown["albedo"].as_array().unwrap() {
+        let theta_i_deg = row["theta_i_deg"].as_f64().unwrap();
+        assert_eq!(row["extrapolated"].as_bool(), Some(theta_i_deg > 60.5), "{row}");
+        if theta_i_deg <= 60.0 {
+            let albedo = row["albedo"].as_f64().unwrap();
+            assert!((albedo / (0.1 * std::f64::consts::PI) - 1.0).abs() < 0.02, "{row}");
+        }
+    }
+}

@@ -373,7 +373,7 @@ fn show_material(
         let read = look::read(&material, wavelength_nm)?;
         let seen = Look::new(&read, &material, wavelength_nm, phi_i_deg)?;
         let product = show::product(&read, &seen, wavelength_nm, phi_i_deg);
-        let text = show::text(&read, &seen);
+        let text = show::text(&read, &seen, phi_i_deg);
         Ok(Outcome::new(product, text, seen.warnings))
     })
 }

@@ -52,7 +52,7 @@ pub(super) fn show(args: &ShowArgs, console: Console) -> anyhow::Result<()> {
         console.warn(warning);
     }
     let product = product(&material, &look, nm, phi_i_deg);
-    args.out.finish(&product, &text(&material, &look), console)
+    args.out.finish(&product, &text(&material, &look, phi_i_deg), console)
 }
 
 pub(super) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<()> {

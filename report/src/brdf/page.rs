@@ -1,5 +1,6 @@
 //! A material as a page: lobes, cuts, spectra, hemispherical reflectance, a ball and a box with a wing.
 
+use super::show::is_extrapolated;
 use crate::page::{Chart, Kind, Line, Page, Scale, Section};
 use sunglint_materials::look::{Look, PhaseCurve};
 use sunglint_materials::samples::direction;
@@ -96,9 +97,15 @@ pub fn page(material: &Material, look: &Look, bodies: &Bodies, nm: f64, phi_i_de
         let percent = format!("{:.0} %", 100.0 * doubt.exp_m1());
         Some([name.to_owned(), percent, "95 %, light at 30°".into()])
     };
+    let whither = |theta: f64| -> String {
+        match is_extrapolated(material, theta, phi_i_deg) {
+            true => "in all directions; extrapolated".into(),
+            false => "in all directions".into(),
+        }
+    };
     let mut figures = vec![
-        ["reflects at 0°".to_owned(), format!("{:.3}", at(0.0)), "in all directions".into()],
-        ["at 75°".to_owned(), format!("{:.3}", at(75.0)), "in all directions".into()],
+        ["reflects at 0°".to_owned(), format!("{:.3}", at(0.0)), whither(0.0)],
+        ["at 75°".to_owned(), format!("{:.3}", at(75.0)), whither(75.0)],
     ];
     figures.extend(doubt("doubt in the mirrored direction", 30.0, 180.0));
     figures.extend(doubt("doubt elsewhere", 0.0, 0.0));

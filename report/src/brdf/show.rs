@@ -41,8 +41,13 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
             ),
         ],
     };
-    let albedo_json: Vec<Value> =
-        albedo.iter().map(|(t, e)| json!({ "theta_i_deg": t, "albedo": rounded(*e) })).collect();
+    let albedo_json: Vec<Value> = albedo
+        .iter()
+        .map(|(t, e)| {
+            let extrapolated = is_extrapolated(material, *t, phi_i_deg);
+            json!({ "theta_i_deg": t, "albedo": rounded(*e), "extrapolated": extrapolated })
+        })
+        .collect();
     let summary = json!({
         "name": material.name, "description": material.describe(), "wavelength_nm": nm, "albedo": albedo_json,
         "reciprocity": { "median_ln": rounded(typical), "largest_ln": rounded(most) }, "warnings": look.warnings,
@@ -77,12 +82,22 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
     }
 }
 
+/// Whether a material does not know its mirrored direction at an incidence: it was not measured there, and what it reflects is a guess.
+pub(super) fn is_extrapolated(material: &Material, theta_i_deg: f64, phi_i_deg: f64) -> bool {
+    let (i, o) = (direction(theta_i_deg, phi_i_deg), direction(theta_i_deg, phi_i_deg + 180.0));
+    !material.covers(i, o)
+}
+
 /// Returns the properties of a material as text.
-pub fn text(material: &Material, look: &Look) -> String {
+pub fn text(material: &Material, look: &Look, phi_i_deg: f64) -> String {
     let Look { albedo, reciprocity: (typical, most), .. } = look;
     let mut text = format!("{}\n", material.describe());
     for (theta, e) in albedo {
-        let _ = writeln!(text, "{theta:4}° reflects {e:.5}");
+        let guess = match is_extrapolated(material, *theta, phi_i_deg) {
+            true => " (extrapolated: it was not measured there)",
+            false => "",
+        };
+        let _ = writeln!(text, "{theta:4}° reflects {e:.5}{guess}");
     }
     let _ = writeln!(
         text,
