@@ -49,7 +49,7 @@ pub(super) fn harmonics(series: &Series, frequency_hz: f64, highest_hz: f64) -> 
 
 /// Harmonics whose amplitudes are polynomials in time, fitted to a series.
 pub(super) struct Drifting {
-    /// What they leave, by sample, in units of the values.
+    /// The rest that they leave, by sample, in units of the values.
     pub left: Vec<f64>,
     /// Share of the weighted variance that they explain, 0 to 1.
     pub power: f64,
@@ -60,7 +60,7 @@ pub(super) struct Drifting {
 
 impl Drifting {
     /// The cosine's and the sine's coefficient of a harmonic (from 1), of a power of the time.
-    pub fn amplitude(&self, harmonic: usize, power: usize) -> [f64; 2] {
+    pub(super) fn amplitude(&self, harmonic: usize, power: usize) -> [f64; 2] {
         [2 * harmonic - 1, 2 * harmonic].map(|k| self.coefficients[(self.drift + 1) * k + power])
     }
 

@@ -244,7 +244,7 @@ struct Saturation {
     per_sr: f64,
     /// Whether it is that of the detector's signal, which goes as f cos θ_o.
     signal: bool,
-    /// What is above this is at the limit.
+    /// Values above this are at the limit.
     from: f64,
 }
 

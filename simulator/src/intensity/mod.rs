@@ -350,10 +350,10 @@ impl Intensities {
         let nm = &options.wavelength_nm;
         for term in engine.terms() {
             let (Source::Direct, Some(material)) = (term.source, term.material) else { continue };
-            if is_uncovered(&term.spectrum) {
+            let (from_nm, to_nm) = term.spectrum.range_nm();
+            if is_uncovered((from_nm, to_nm)) {
                 continue;
             }
-            let (from_nm, to_nm) = term.spectrum.range_nm();
             if let Some(nm) = nm.iter().copied().find(|nm| !(from_nm..=to_nm).contains(nm)) {
                 let material = materials[material].clone();
                 return Err(IntensityError::Wavelength { material, from_nm, to_nm, nm });
@@ -369,7 +369,7 @@ impl Intensities {
         let tau = engine.terms().iter().flat_map(at).collect();
         let sun = nm.iter().map(|nm| sun_at_1_au().at(*nm)).collect();
         let uncovered = (0..engine.lit_terms())
-            .filter(|k| is_uncovered(&engine.terms()[*k].spectrum))
+            .filter(|k| is_uncovered(engine.terms()[*k].spectrum.range_nm()))
             .collect();
         Ok(Self { engine, options, materials, tau, sun, uncovered })
     }

@@ -80,9 +80,9 @@ fn uncovered() -> Result<Spectrum<Reflectance>, SpectrumError> {
     Spectrum::constant(0.0, 0.5 * UNCOVERED_NM, UNCOVERED_NM)
 }
 
-/// Returns true for the spectrum whose weight says how much of the light comes from geometries that were not measured.
-pub(crate) fn is_uncovered(spectrum: &Spectrum<Reflectance>) -> bool {
-    spectrum.range_nm().1 <= UNCOVERED_NM
+/// Returns true for the range of the spectrum whose weight says how much of the light comes from geometries that were not measured.
+pub(crate) fn is_uncovered((_, to_nm): (f64, f64)) -> bool {
+    to_nm <= UNCOVERED_NM
 }
 
 #[derive(Debug, Clone)]

@@ -85,7 +85,7 @@ fn window(phase: f64, part: usize) -> f64 {
     (phase - middle(part)).cos().max(0.0).powi(2)
 }
 
-/// What a model leaves of a series in the parts of a turn, weighted and squared, in units of the mean over all.
+/// The rest that a model leaves of a series in the parts of a turn, weighted and squared, in units of the mean over all.
 fn left_by_part(series: &Series, model: &Drifting, base: f64) -> [f64; PARTS] {
     let mut sums = [[0.0; 2]; PARTS];
     let mut all = 0.0;

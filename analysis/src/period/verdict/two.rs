@@ -160,7 +160,7 @@ impl Search<'_> {
             .is_ok_and(|p| p < CHANCE)
     }
 
-    /// What a number of unknowns in each series costs in twice the logarithm of the likelihood (BIC).
+    /// The cost of a number of unknowns in each series, in twice the logarithm of the likelihood (BIC).
     fn cost(&self, unknowns: usize) -> f64 {
         (unknowns * self.series.len()) as f64 * (self.samples() as f64).ln()
     }
