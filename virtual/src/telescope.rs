@@ -3,7 +3,7 @@
 //! Nothing here is taken from a tracker: the mount is two motors on a time grid of milliseconds, and the camera projects directions onto the tube's own axes.
 //! The sky is a function of time that the caller gives.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use hifitime::{Epoch, Unit};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, StandardNormal};
@@ -544,21 +544,20 @@ impl Tube {
             }
             let noise = [self.normal(), self.normal()];
             let offset_arcsec =
-                [x / ARCSEC_RAD + sigma * noise[0], y / ARCSEC_RAD + sigma * noise[1]];
+                DVec2::new(x / ARCSEC_RAD + sigma * noise[0], y / ARCSEC_RAD + sigma * noise[1]);
             // Two lights closer than the seeing are one, between them.
-            match spots.iter_mut().find(|spot| {
-                let [dx, dy] = [0, 1].map(|i| spot.offset_arcsec[i] - offset_arcsec[i]);
-                dx.hypot(dy) < 1.5 * self.options.seeing_arcsec
-            }) {
+            let seeing_arcsec = self.options.seeing_arcsec;
+            match spots
+                .iter_mut()
+                .find(|spot| spot.offset_arcsec.distance(offset_arcsec) < 1.5 * seeing_arcsec)
+            {
                 Some(spot) => {
                     let whole = spot.flux + flux;
-                    for axis in 0..2 {
-                        let own = spot.offset_arcsec[axis] * spot.flux;
-                        spot.offset_arcsec[axis] = (own + offset_arcsec[axis] * flux) / whole;
-                    }
+                    let sum = spot.offset_arcsec * spot.flux + offset_arcsec * flux;
+                    spot.offset_arcsec = sum / whole;
                     spot.flux = whole;
                 }
-                None => spots.push(Spot { offset_arcsec: offset_arcsec.into(), flux }),
+                None => spots.push(Spot { offset_arcsec, flux }),
             }
         }
         spots.sort_by(|a, b| b.flux.total_cmp(&a.flux));

@@ -180,7 +180,7 @@ impl Search<'_> {
             let left: f64 = model.left.iter().zip(&s.weight).map(|(r, w)| w * r * r).sum();
             // Variance of the cosine's or the sine's amplitude of steady light.
             let noise = 2.0 * left / (n - unknowns) / (n * independent);
-            if !(noise > 0.0) {
+            if noise.is_nan() || noise <= 0.0 {
                 continue;
             }
             let by = self.range.span_s / s.span_s();
