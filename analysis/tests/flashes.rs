@@ -390,14 +390,12 @@ fn three_flashes_of_ajisai() {
 #[test]
 fn like_rings_do_not_tell_the_turn() {
     let shape = Flashes { step_s: 0.01, samples: 18_067, exposed: 1.0, long_s: 0.012 };
-    for (second, light) in [(0.2, 32.0)] {
-        let ring = |at: f64, light: f64| [0.0, 1.0, 2.0].map(|k| (at + k / 3.0, light));
-        let mirrors = [ring(0.1, 32.0), ring(second, light)].concat();
-        let (time, value) = shape.series(&turning(2.4683, (0.0, 180.0), &mirrors, 0.1, 1), 0.0, 1);
-        let train = trained_within(&time, &value);
-        assert!(!train.periods.is_empty());
-        not_wrong(&train, 2.4683);
-    }
+    let ring = |at: f64, light: f64| [0.0, 1.0, 2.0].map(|k| (at + k / 3.0, light));
+    let mirrors = [ring(0.1, 32.0), ring(0.2, 32.0)].concat();
+    let (time, value) = shape.series(&turning(2.4683, (0.0, 180.0), &mirrors, 0.1, 1), 0.0, 1);
+    let train = trained_within(&time, &value);
+    assert!(!train.periods.is_empty());
+    not_wrong(&train, 2.4683);
 }
 
 /// Truth: four mirrors of which neighbours are alike, and five of which none are: the first turns of four kinds are found though every second is alike.

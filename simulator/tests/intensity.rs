@@ -73,7 +73,7 @@ fn a_sphere_of_a_measured_table() {
         "model = \"lambert\"\nreflectance = 0.2",
         "model = \"brdf_table\"\nfile = \"flat.csv\"\nwavelength_nm = 532",
     );
-    let target = Target::parse(&folder.path().join("s.toml"), text).unwrap();
+    let target = Target::parse(folder.path().join("s.toml"), text).unwrap();
     let gamma = 60.0_f64.to_radians();
     let aspect = Aspect::new(DVec3::new(gamma.cos(), gamma.sin(), 0.0), 7.0 * DVec3::X);
     let mut options = IntensityOptions::default();
