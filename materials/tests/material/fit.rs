@@ -9,7 +9,7 @@ use sunglint_materials::fit::{
 };
 use sunglint_materials::samples::{Sample, Samples, direction};
 use sunglint_simulator::surface::ComplexIndex;
-use sunglint_testkit::{Campaign, peer_python, run_python, shared, skip};
+use sunglint_testkit::{Campaign, chance_of_misses, peer_python, run_python, shared, skip};
 
 type Truth<'a> = &'a dyn Fn(DVec3, DVec3) -> f64;
 type Case = (Law, Box<dyn Fn(DVec3, DVec3) -> f64>, Vec<f64>);
@@ -257,7 +257,7 @@ fn maxwell_and_beard() {
 }
 
 /// Truth: the closed form that the tables were made from, 5 % noise and 3 % of outliers by factors of e². The stated 95 % intervals hold the parameters in 88 % to
-/// 99 % of all (Student's residuals on normal noise with outliers are slightly too wide or narrow), and the law is chosen before all others.
+/// 99.5 % of all (Student's residuals on normal noise with outliers are slightly too wide or narrow; of a part of the seeds as many may miss as is not less likely than 1 in 1,000 with 12 % of misses), and the law is chosen before all others.
 #[test]
 fn campaign_brdf_fit() {
     let mut campaign = Campaign::start("brdf_fit", 200);
@@ -285,7 +285,9 @@ fn campaign_brdf_fit() {
     }
     let (share, n) = (f64::from(inside) / f64::from(all), campaign.seeds().count() as u32);
     eprintln!("inside {share:.3}, chosen {chosen} of {n}, worst error {bias:.4}");
-    assert!((0.88..=0.995).contains(&share), "{share}");
+    let outside = u64::from(all - inside);
+    assert!(chance_of_misses(u64::from(all), outside, 0.12) > 1e-3, "{outside} of {all} outside");
+    assert!(!campaign.is_whole() || (0.88..=0.995).contains(&share), "{share}");
     assert_eq!(chosen, n);
     assert!(bias < 0.06, "{bias}");
     campaign.largest("worst_relative_error", bias);

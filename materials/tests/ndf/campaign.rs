@@ -2,12 +2,12 @@
 
 use crate::ndf::truth::{Shape, Truth, density_error, noisy};
 use sunglint_materials::ndf::{NdfOptions, extract};
-use sunglint_testkit::Campaign;
+use sunglint_testkit::{Campaign, chance_of_misses};
 
 /// Truth: closed forms; −10° to 65° by 0.5°, 1 % noise on each of ten readings an angle, a mount that is off by up to 2°, α from 0.03 to 0.6.
 ///
 /// Promises: for α ≤ 0.3, α within 2 % and D within 3 % where it exceeds 1e-3 of its peak; for all, 2σ and the bound of the continuations hold D, F₀ and α
-/// in 90 % of the cases or more (Gaussian 2σ are 95 %).
+/// in 90 % of the cases or more (Gaussian 2σ are 95 %; F₀ and α of a part of the seeds may miss as often as is not less likely than 1 in 1,000 with 10 % of misses, and the angles of D, which miss together, by as much).
 #[test]
 fn campaign_ndf_noise() {
     let mut campaign = Campaign::start("ndf_noise", 200);
@@ -54,7 +54,12 @@ fn campaign_ndf_noise() {
     );
     assert!(alpha_error < 0.02, "alpha {alpha_error}");
     assert!(d_error < 0.03, "D {d_error}");
-    assert!(share < 0.1 && f0_share < 0.1 && alpha_share < 0.1, "{share} {f0_share} {alpha_share}");
+    let runs = campaign.seeds().end;
+    for missed in [f0_outside, alpha_outside, (share * runs as f64).round() as u32] {
+        assert!(chance_of_misses(runs, u64::from(missed), 0.1) > 1e-3, "{missed} of {runs}");
+    }
+    let most = share.max(f0_share).max(alpha_share);
+    assert!(!campaign.is_whole() || most < 0.1, "{share} {f0_share} {alpha_share}");
     campaign.largest("alpha_error", alpha_error);
     campaign.largest("d_error_up_to_alpha_0_3", d_error);
     campaign.finish();

@@ -337,7 +337,7 @@ fn campaign_stated_error() {
     eprintln!(
         "{missed} of {n} missed, {lit} lit, worst {worst:.2} standard errors beyond what is stated"
     );
-    let p = sunglint_testkit::chance_of_misses(n as u64, missed);
+    let p = sunglint_testkit::chance_of_misses(n as u64, missed, 0.05);
     assert!(p > 0.01, "{missed} of {n} missed, p = {p:.1e}");
     assert!(2 * lit > n);
     campaign.largest("largest_standard_errors_beyond", worst);

@@ -144,13 +144,19 @@ pub fn cpu_s() -> f64 {
     ticks / 100.0
 }
 
-/// How likely it is that of n trials that fail with 5 % each so many or more fail.
-pub fn chance_of_misses(n: u64, missed: u64) -> f64 {
-    let mut term = 0.95_f64.powi(n as i32);
+/// How likely it is that of n trials that fail with the chance `share` (below 1) each so many or more fail.
+///
+/// ```
+/// // 1 − 0.95¹⁰ − 10·0.05·0.95⁹
+/// assert!((sunglint_testkit::chance_of_misses(10, 2, 0.05) - 0.086_14).abs() < 1e-5);
+/// assert_eq!(sunglint_testkit::chance_of_misses(60, 0, 0.05), 1.0);
+/// ```
+pub fn chance_of_misses(n: u64, missed: u64, share: f64) -> f64 {
+    let mut term = (1.0 - share).powi(n as i32);
     let mut below = 0.0;
     for k in 0..missed {
         below += term;
-        term *= (n - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+        term *= (n - k) as f64 / (k + 1) as f64 * share / (1.0 - share);
     }
     1.0 - below
 }

@@ -43,9 +43,12 @@ pub struct Hemisphere {
     /// The part of the hemisphere that the samples stand for, 0 to 1.
     pub coverage: f64,
     /// How far the reflectance may be off, as a logarithm, because values between the samples are not known: the difference of two rules of interpolation; the difference of the shapes that a
-    /// peak may have which falls steeply to the next sample; and the rise that the slope of the nearest samples lets expect at a mirrored direction that none of them meets. Infinite where that
-    /// rise has no end.
+    /// peak may have which falls steeply to the next sample; the rise that the slope of the nearest samples lets expect at a mirrored direction that none of them meets (infinite where that
+    /// rise has no end); and, for samples in the plane of incidence alone, the difference that it makes whether values out of it follow the distance from the mirrored direction or the
+    /// tilt of the bisector, as those of microfacets do.
     pub ln_doubt: f64,
+    /// What of it is due to the distances between the samples.
+    apart_ln: f64,
 }
 
 impl Hemisphere {
@@ -69,18 +72,19 @@ impl Hemisphere {
         let known = sum.between > 0.0;
         let between = if known { (sum.nearest / sum.between).ln().abs() } else { 0.0 };
         let whole = 0.5 * (sum.between + sum.nearest);
-        let ln_doubt = between + nodes.shape_inside(&sum.by_ln, whole) + nodes.rise_inside(whole);
-        Self { weights, coverage, ln_doubt }
+        let apart_ln = between + nodes.shape_inside(&sum.by_ln, whole) + nodes.rise_inside(whole);
+        let across = if flat && x >= UPRIGHT { across(i.z, x, &nodes) } else { 0.0 };
+        Self { weights, coverage, ln_doubt: apart_ln + across, apart_ln }
     }
 
     /// Whether the samples are close enough to one another for their peak.
     pub fn is_resolved(&self) -> bool {
-        self.ln_doubt <= MOST_LN_DOUBT
+        self.apart_ln <= MOST_LN_DOUBT
     }
 
     /// Whether the sum says anything of the reflectance: to a factor of three.
     pub fn is_known(&self) -> bool {
-        self.ln_doubt <= UNKNOWN_LN
+        self.apart_ln <= UNKNOWN_LN
     }
 
     /// The sum of these values.
@@ -275,6 +279,52 @@ fn rings(x: f64, nodes: &Nodes, sum: &mut Sum<'_>) {
         r * 2.0 * ((r * r + x * x - 1.0) / (2.0 * r * x)).clamp(-1.0, 1.0).acos()
     };
     along(nodes, sum, (x - 1.0, x + 1.0), coordinate, element, &[-rim, 0.0, rim]);
+}
+
+/// How much more or less, as a logarithm without sign, samples in the plane of incidence reflect in all if values out of it are those of the same tilt of the bisector in it, and not those of the
+/// same distance from the mirrored direction. Both rules are summed over the same directions, as far as the samples reach.
+fn across(cos_i: f64, x: f64, nodes: &Nodes) -> f64 {
+    let mut order: Vec<usize> = (0..nodes.at.len()).collect();
+    order.sort_by(|a, b| nodes.at[*a].0.total_cmp(&nodes.at[*b].0));
+    let (Some(first), Some(last)) = (order.first(), order.last()) else { return 0.0 };
+    let (least, most) = (nodes.at[*first].0, nodes.at[*last].0);
+    let value = |s: f64| {
+        let next = order.partition_point(|k| nodes.at[*k].0 < s).clamp(1, order.len() - 1);
+        let (a, b) = (order[next - 1], order[next]);
+        let [from, at, to] = [nodes.at[a].0, s, nodes.at[b].0].map(|s| nodes.warped(s.abs()).copysign(s));
+        let part = if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
+        (nodes.ln[a] + part * (nodes.ln[b] - nodes.ln[a])).exp()
+    };
+    if order.len() < 2 {
+        return 0.0;
+    }
+    let theta_i = x.atan2(cos_i);
+    let (mut by_distance, mut by_tilt) = (0.0, 0.0);
+    for spoke in 0..SPOKES {
+        let (sin, cos) = (PI * (spoke as f64 + 0.5) / SPOKES as f64).sin_cos();
+        let rim = x * cos + (1.0 - (x * sin).powi(2)).max(0.0).sqrt();
+        let step = nodes.warped(rim) / RINGS as f64;
+        let radius = |u: f64| nodes.near * (2.0 * u).exp_m1().max(0.0).sqrt();
+        for ring in 0..RINGS {
+            let (inner, outer) = (radius(step * ring as f64), radius(step * (ring + 1) as f64));
+            let r = radius(step * (ring as f64 + 0.5));
+            let area = outer * outer - inner * inner;
+            // Towards the normal and beyond it: s < 0 is beyond the mirrored direction, as seen from the normal.
+            let (o_x, o_y) = (r * cos - x, r * sin);
+            let o_z = (1.0 - o_x * o_x - o_y * o_y).max(0.0).sqrt();
+            let (h_x, h_z) = (o_x + x, o_z + cos_i);
+            let tilt = h_x.hypot(o_y).atan2(h_z);
+            let towards = (theta_i - 2.0 * tilt).sin();
+            let beyond = theta_i + 2.0 * tilt;
+            let s = if h_x < 0.0 && beyond < 0.5 * PI { x - beyond.sin() } else { x - towards };
+            if s < least || s > most || r > most {
+                continue;
+            }
+            by_tilt += area * value(s);
+            by_distance += area * value(if cos < 0.0 && -r >= least { -r } else { r });
+        }
+    }
+    if by_distance > 0.0 && by_tilt > 0.0 { (by_tilt / by_distance).ln().abs() } else { 0.0 }
 }
 
 /// Shares a line among its nodes.
