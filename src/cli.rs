@@ -144,8 +144,6 @@ pub enum Command {
 /// Whatever the command says; `main` prints it and exits with 1, or with 2 where it is a [`crate::output::Usage`].
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
     interrupt::outlive_long_files()?;
-    #[cfg(feature = "opencv")]
-    sunglint_drivers_opencv::provide();
     let console =
         Console { json: cli.global.json, quiet: cli.global.quiet, verbose: cli.global.verbose };
     if let Some(out) = cli.command.output() {

@@ -60,6 +60,7 @@ pub mod output;
 pub mod page;
 pub mod passes;
 pub mod picture;
+mod program;
 pub mod progress;
 pub mod reduce;
 pub mod session;
@@ -70,3 +71,5 @@ pub mod station;
 pub mod study;
 pub mod tables;
 pub mod track;
+
+pub use program::program;

@@ -1,55 +1,9 @@
-//! The command line: parses, calls, and turns errors into text and exit codes.
+//! The program.
 
-use clap::Parser as _;
 use std::process::ExitCode;
-use sunglint::cli::{Cli, run};
-use sunglint::output::{Usage, tell};
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        // clap prints help and versions to stdout with code 0, mistakes to stderr with code 2.
-        Err(error) => {
-            let code = error.exit_code();
-            let _ = error.print();
-            return ExitCode::from(u8::try_from(code).unwrap_or(2));
-        }
-    };
-    match run(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads the pipe has read enough.
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            tell(&format!("sunglint: {}", describe(&error)));
-            // What the parser cannot see is usage all the same.
-            if error.downcast_ref::<Usage>().is_some() {
-                ExitCode::from(2)
-            } else {
-                ExitCode::FAILURE
-            }
-        }
-    }
-}
-
-/// The error and what caused it, each said once: many errors repeat their cause in their own message.
-fn describe(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain() {
-        let cause = cause.to_string();
-        if text.is_empty() {
-            text = cause;
-        } else if !text.contains(&cause) {
-            text.push_str(": ");
-            text.push_str(&cause);
-        }
-    }
-    text
-}
-
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| {
-        cause
-            .downcast_ref::<std::io::Error>()
-            .is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-    })
+    #[cfg(feature = "opencv")]
+    sunglint_drivers_opencv::provide();
+    sunglint::program()
 }

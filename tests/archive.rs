@@ -79,7 +79,7 @@ fn paths_are_the_bytes_that_open_the_files() {
     let folder = nights("archive-bytes");
     let name = std::ffi::OsStr::from_bytes(b"n\xe4chte");
     std::fs::rename(folder.path("nights"), folder.0.join(name)).unwrap();
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_sunglint"))
+    let output = std::process::Command::new(crate::common::program())
         .arg("archive")
         .arg(name)
         .arg("--paths")

@@ -304,7 +304,7 @@ fn recordings_of_other_hosts_are_held_against_ours() {
 #[test]
 fn ctrl_c_stops_the_motor_and_says_where_it_stands() {
     let folder = Folder::new("devices-cancel");
-    let child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+    let child = Command::new(crate::common::program())
         .args(["devices", "move", "sim-tmcl", "10", "300", "--json", "--record", "m.rec"])
         .current_dir(&folder.0)
         .stdout(Stdio::piped())
@@ -418,7 +418,7 @@ fn the_commands_of_the_page_run() {
     for driver in DRIVERS {
         assert!(page.contains(&format!("`{}", driver.name)), "{} is not on the page", driver.name);
     }
-    let program = Path::new(env!("CARGO_BIN_EXE_sunglint")).parent().unwrap();
+    let program = crate::common::programs();
     let path = std::env::var("PATH").unwrap();
     for command in commands {
         let output = Command::new("sh")

@@ -74,7 +74,7 @@ mod with_opencv {
     /// the first visit and ten to the second.
     #[test]
     fn a_film_is_observed_to_the_pixel() {
-        let folder = Folder::new("film");
+        let folder = Folder::with_opencv("film");
         // As seen from the plan, not from where the program runs.
         std::fs::create_dir(folder.path("plans")).unwrap();
         std::fs::copy(film(), folder.path("plans/spot.avi")).unwrap();
@@ -119,7 +119,7 @@ mod with_opencv {
     /// off, none at all, one without times, a plan without a beginning, live devices beside it.
     #[test]
     fn what_is_wrong_with_a_film_is_said() {
-        let folder = Folder::new("film-wrong");
+        let folder = Folder::with_opencv("film-wrong");
         let film = film();
         let at = film.to_str().unwrap();
         let good = plan(at, "");
@@ -171,7 +171,7 @@ mod with_opencv {
     /// numbers in each channel of the camera, and each pixel is.
     #[test]
     fn a_night_as_numbered_images_gives_the_same_rates() {
-        let folder = Folder::new("film-night");
+        let folder = Folder::with_opencv("film-night");
         let options = "seed = 5\n[plan]\nstars = 2\nvisit_s = 20\nsky_s = 8\nslew_s = 2\ndark_s = 8\nv_mag = [2.5, 4.5]\n";
         observe(&folder.0, &plan_of(&[]), options);
         let old = Session::open(folder.path("session")).unwrap();

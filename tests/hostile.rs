@@ -55,7 +55,7 @@ fn night(kinds: &[&'static str], seconds: f64) -> Outcome {
     }
     plan += &format!("[[visit]]\noff = \"sky\"\nfor_s = {seconds}\n");
     std::fs::write(folder.0.join("night.toml"), plan).unwrap();
-    let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+    let mut program = Command::new(crate::common::program())
         .args(["observe", "night.toml", "--anyway", "-o", "s"])
         .current_dir(&folder.0)
         .stdout(Stdio::null())

@@ -268,7 +268,7 @@ fn a_goniometer_that_is_killed_loses_nothing() {
     let mut before = Vec::new();
     for kill in 1..=20 {
         let more = if kill == 1 { "--virtual" } else { "--resume" };
-        let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        let mut child = Command::new(crate::common::program())
             .args(["brdf", "run", "lab/plan.ecsv", more, "-q", "-o", "run/"])
             .current_dir(&folder.0)
             .stdout(Stdio::null())
@@ -305,7 +305,7 @@ fn a_killed_run_is_gone_on_with() {
     for (seed, rows) in [(1, 40), (2, 900), (3, 2500)] {
         let out = format!("killed{seed}/");
         let arguments = ["brdf", "retro", "run.toml", "-q", "-o", &out];
-        let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        let mut child = Command::new(crate::common::program())
             .args(arguments)
             .current_dir(&folder.0)
             .stdout(Stdio::null())
@@ -356,7 +356,7 @@ fn a_killed_run_is_gone_on_with() {
         }
     }
     // Ctrl-C: in good order.
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+    let mut child = Command::new(crate::common::program())
         .args(["brdf", "retro", "run.toml", "-o", "stopped/"])
         .current_dir(&folder.0)
         .stdout(Stdio::null())

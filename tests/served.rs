@@ -19,7 +19,7 @@ struct Server {
 
 impl Server {
     fn start(folder: &Folder, arguments: &[&str]) -> Self {
-        let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        let mut program = Command::new(crate::common::program())
             .args(["devices", "serve", "--json"])
             .args(arguments)
             .current_dir(folder.path("."))

@@ -9,6 +9,7 @@
 //! - [`order`]: medians and quantiles;
 //! - [`panels`]: Gauss–Legendre quadrature over panels;
 //! - [`progress`]: what long work tells whoever watches it;
+//! - [`raster`]: pictures of half the size;
 //! - [`sphere`]: directions over the whole sphere.
 
 pub mod axes;
@@ -20,4 +21,5 @@ pub mod measured;
 pub mod order;
 pub mod panels;
 pub mod progress;
+pub mod raster;
 pub mod sphere;

@@ -23,7 +23,7 @@ use tokio::net::TcpStream;
 use tokio::sync::{Semaphore, oneshot};
 use tokio::time::Sleep;
 
-/// Connections at most. One more takes the place of the one that has been silent for longest, first of those that never asked for anything.
+/// Connections at most. One more takes the place of the one that has been silent for longest, first of those that never asked with the token.
 const SEATS: usize = 128;
 /// Requests of one connection in a second at most.
 const REQUESTS: u32 = 100;
@@ -183,7 +183,7 @@ struct Served {
 #[derive(Debug)]
 struct Seat {
     since: Instant,
-    /// Whether it has asked for anything.
+    /// Whether it has asked with the token. Whoever asks without it may be one of a flood, which would shut the browser out that has yet to ask.
     known: bool,
     busy: bool,
     task: Option<tokio::task::AbortHandle>,
@@ -244,12 +244,14 @@ async fn serve(stream: TcpStream, client: IpAddr, number: u64, seats: Shared, se
     let service = service_fn(move |request: hyper::Request<Incoming>| {
         let (served, seats, asked) = (served.clone(), own.clone(), asked.clone());
         async move {
-            mark(&seats, number, true);
+            // A wrong token is refused.
+            let has_token = request.headers().contains_key(hyper::header::AUTHORIZATION);
+            mark(&seats, number, true, false);
             let answer = match over_rate(&asked) {
                 true => Answer::error(429, "too many requests of one connection in a second"),
                 false => answer(request, client, &served).await,
             };
-            mark(&seats, number, false);
+            mark(&seats, number, false, has_token && answer.status < 400);
             Ok::<_, std::convert::Infallible>(response(answer))
         }
     });
@@ -263,9 +265,9 @@ async fn serve(stream: TcpStream, client: IpAddr, number: u64, seats: Shared, se
     lock(&seats).open.remove(&number);
 }
 
-fn mark(seats: &Shared, number: u64, busy: bool) {
+fn mark(seats: &Shared, number: u64, busy: bool, known: bool) {
     if let Some(seat) = lock(seats).open.get_mut(&number) {
-        (seat.since, seat.known, seat.busy) = (Instant::now(), true, busy);
+        (seat.since, seat.known, seat.busy) = (Instant::now(), seat.known || known, busy);
     }
 }
 

@@ -267,6 +267,35 @@ fn slow_and_many_clients_are_dropped() {
     assert!(answer.contains("429 Too Many Requests"), "no limit of requests");
 }
 
+/// More clients than there are seats ask once, without the token, and stay. Truth: a browser that opens its six connections before it asks has an answer on each.
+#[test]
+fn clients_that_asked_without_the_token_shut_no_browser_out() {
+    let (_folder, server) = session();
+    let at = server.address();
+    let ask = |stream: &mut TcpStream| {
+        let asked = format!("GET /page.css HTTP/1.1\r\nHost: {at}\r\n\r\n");
+        stream.write_all(asked.as_bytes()).unwrap();
+        let mut room = [0; 12];
+        let read = stream.read_exact(&mut room);
+        read.map(|()| String::from_utf8_lossy(&room).into_owned())
+    };
+    let open = || {
+        let stream = TcpStream::connect(at).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream
+    };
+    let mut others = Vec::new();
+    for _ in 0..300 {
+        let mut other = open();
+        assert_eq!(ask(&mut other).unwrap(), "HTTP/1.1 200");
+        others.push(other);
+    }
+    let mut browser: Vec<TcpStream> = (0..6).map(|_| open()).collect();
+    for stream in &mut browser {
+        assert_eq!(ask(stream).unwrap(), "HTTP/1.1 200");
+    }
+}
+
 /// A stranger, or a telephone with the token of yesterday, asks with a wrong token again and again: from the same address as the right page, too. Truth: the right token passes in any case.
 #[test]
 fn wrong_tokens_do_not_lock_out_the_right_one() {

@@ -13,8 +13,9 @@ pub mod virtual_night;
 pub mod star_night;
 
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A star that most tests ask for.
@@ -107,8 +108,32 @@ pub fn same_light(mut value: serde_json::Value) -> serde_json::Value {
     value
 }
 
-/// A folder of its own for each test, gone at its end.
-pub struct Folder(pub PathBuf);
+/// A folder with the program as `sunglint`: the one without OpenCV where there are two, since it starts at once.
+pub fn programs() -> PathBuf {
+    let Some(plain) = option_env!("CARGO_BIN_EXE_sunglint-plain") else {
+        return Path::new(env!("CARGO_BIN_EXE_sunglint")).parent().unwrap().to_owned();
+    };
+    static MADE: OnceLock<PathBuf> = OnceLock::new();
+    let made = MADE.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("programs");
+        std::fs::create_dir_all(&folder).unwrap();
+        // Another run of the tests may do the same at this moment.
+        let own = folder.join(format!("sunglint-{}", std::process::id()));
+        let _ = std::fs::remove_file(&own);
+        std::os::unix::fs::symlink(plain, &own).unwrap();
+        std::fs::rename(&own, folder.join("sunglint")).unwrap();
+        folder
+    });
+    made.clone()
+}
+
+/// The program: see [`programs`].
+pub fn program() -> PathBuf {
+    programs().join("sunglint")
+}
+
+/// A folder of its own for each test, gone at its end; and the program that is run there.
+pub struct Folder(pub PathBuf, PathBuf);
 
 impl Folder {
     pub fn new(name: &str) -> Self {
@@ -119,11 +144,19 @@ impl Folder {
         let path = std::env::temp_dir().join(own);
         let _ = std::fs::remove_dir_all(&path);
         std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+        Self(path, program())
+    }
+
+    /// A folder for the program with OpenCV.
+    #[cfg(feature = "opencv")]
+    pub fn with_opencv(name: &str) -> Self {
+        let mut made = Self::new(name);
+        made.1 = env!("CARGO_BIN_EXE_sunglint").into();
+        made
     }
 
     pub fn run(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        Command::new(&self.1)
             .args(arguments)
             .current_dir(&self.0)
             .env_remove("SUNGLINT_STATION")

@@ -145,7 +145,7 @@ fn samples_in_one_plane_say_what_they_do_not_see() {
     let round = [0.05, 0.2, 0.5].map(harvey);
     let rough = [0.05, 0.1, 0.2, 0.3, 0.5].map(|alpha| ggx(0.5, alpha, alpha, false, 0.1));
     let laws = round.iter().map(|f| f as Truth<'_>).chain(rough.iter().map(|f| f as Truth<'_>));
-    let mut worst = 0.0_f64;
+    let (mut worst, mut doubts) = (0.0_f64, Vec::new());
     for (k, law) in laws.enumerate() {
         for theta in [10.0, 30.0, 45.0, 60.0, 75.0] {
             let i = direction(theta, 180.0);
@@ -154,10 +154,12 @@ fn samples_in_one_plane_say_what_they_do_not_see() {
             let off = (found.of(&value) / reflected(law, theta)).ln();
             eprintln!("{k} {theta}: {off:.4}, stated {:.4}", found.ln_doubt);
             assert!(off.abs() <= found.ln_doubt + 0.02, "{k} {theta}: {off} {}", found.ln_doubt);
-            assert!(found.ln_doubt <= 3.0 * off.abs() + 0.15, "{k} {theta}: {off} {}", found.ln_doubt);
             worst = worst.max(off.abs());
+            doubts.push(found.ln_doubt);
         }
     }
+    doubts.sort_by(f64::total_cmp);
+    assert!(doubts[doubts.len() / 2] < 0.1, "{doubts:?}");
     // So that this means something.
     assert!(worst > 0.1, "{worst}");
 }

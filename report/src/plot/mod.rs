@@ -307,9 +307,9 @@ fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
         figure.draw(&root, 4, &Rasters::default())?;
         root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
     }
-    let image = image::RgbImage::from_raw(width, height, pixels)
+    let pixels = sunglint_numerics::raster::halved(&pixels, width as usize, 3);
+    let image = image::RgbImage::from_raw(width / 2, height / 2, pixels)
         .ok_or_else(|| PlotError::Draw("the picture has not the size it was asked for".into()))?;
-    let image = image::imageops::thumbnail(&image, width / 2, height / 2);
     let mut bytes = Cursor::new(Vec::new());
     image
         .write_to(&mut bytes, image::ImageFormat::Png)

@@ -97,7 +97,7 @@ pub fn overlap(a: &[f64; 4], b: &[f64; 4]) -> bool {
 /// The line through two points, inside on its left; `None` where they are one point.
 fn line(a: P2, b: P2, touching: f64) -> Option<[f64; 3]> {
     let (x, y) = (a[1] - b[1], b[0] - a[0]);
-    let length = x.hypot(y);
+    let length = (x * x + y * y).sqrt();
     // Not a number, or no length: no line.
     if length > touching {
         Some([x / length, y / length, -(x * a[0] + y * a[1]) / length])

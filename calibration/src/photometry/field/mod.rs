@@ -549,6 +549,26 @@ impl Prepared {
         )
     }
 
+    /// The smoothed frame between pixels; `None` off the frame and where the nearest pixel is masked.
+    #[inline]
+    fn clear_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
+        let [width, height] = self.size;
+        if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
+            return None;
+        }
+        let (column, row) = (x as usize, y as usize);
+        let (u, v) = (x - column as f64, y - row as f64);
+        let nearest = (row + usize::from(v >= 0.5)) * width + column + usize::from(u >= 0.5);
+        if self.masked[nearest] {
+            return None;
+        }
+        let at = row * width + column;
+        let upper = &self.smooth[at..at + 2];
+        let lower = &self.smooth[at + width..at + width + 2];
+        let between = |line: &[f32]| (1.0 - u) * f64::from(line[0]) + u * f64::from(line[1]);
+        Some((1.0 - v) * between(upper) + v * between(lower))
+    }
+
     /// Whether the nearest pixel is masked; what is off the frame is.
     fn is_masked(&self, [x, y]: [f64; 2]) -> bool {
         let [width, height] = self.size;

@@ -159,21 +159,16 @@ fn reduced(prepared: &Prepared) -> (Vec<f32>, [usize; 2], usize) {
 }
 
 /// Heights of the smoothed frame along a line, a pixel apart; `None` where it is masked.
-fn heights(prepared: &Prepared, line: &Line) -> Vec<Option<f64>> {
+fn heights(prepared: &Prepared, line: &Line) -> impl Iterator<Item = Option<f64>> {
     let steps = line.length().max(1.0).round() as usize;
-    (0..=steps)
-        .map(|i| {
-            let place = line.at(line.from + line.length() * i as f64 / steps as f64);
-            let value = prepared.smooth_at(place)?;
-            (!prepared.is_masked(place)).then_some(value)
-        })
-        .collect()
+    let place = move |i: usize| line.at(line.from + line.length() * i as f64 / steps as f64);
+    (0..=steps).map(move |i| prepared.clear_at(place(i)))
 }
 
 /// Sum of the clipped heights along a line over the square root of their number.
 fn score(prepared: &Prepared, line: &Line, clip: f64) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
-    for height in heights(prepared, line).into_iter().flatten() {
+    for height in heights(prepared, line).flatten() {
         sum += height.clamp(-clip, clip);
         n += 1.0;
     }
@@ -200,7 +195,7 @@ fn turned(prepared: &Prepared, line: Line, reach: f64, step: f64, clip: f64) -> 
 fn refine(prepared: &Prepared, line: Line) -> Option<Line> {
     let mut line = turned(prepared, line, 3.0, 1.0, 8.0);
     for round in 0..3 {
-        let mut lit: Vec<f64> = heights(prepared, &line).into_iter().flatten().collect();
+        let mut lit: Vec<f64> = heights(prepared, &line).flatten().collect();
         if lit.len() < 4 {
             return None;
         }
@@ -378,7 +373,7 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
         return None;
     }
     // A quick look before the costly one.
-    let lit = heights(prepared, &line);
+    let lit = heights(prepared, &line).collect::<Vec<_>>();
     let seen: Vec<f64> = lit.iter().flatten().copied().collect();
     let masked = 1.0 - seen.len() as f64 / lit.len() as f64;
     if seen.len() < 6 || masked > 0.6 {
@@ -438,7 +433,7 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
 
 /// Whether all parts of a line are lit: each of four parts by half of the middle, as far as noise lets it tell.
 fn is_lit(prepared: &Prepared, line: &Line, independent: f64) -> bool {
-    let lit = heights(prepared, line);
+    let lit = heights(prepared, line).collect::<Vec<_>>();
     // The ends are dark for half a width.
     let trim = ((0.5 * independent) as usize).min(lit.len() / 6);
     let lit = &lit[trim..lit.len() - trim];
@@ -466,8 +461,7 @@ fn is_lit(prepared: &Prepared, line: &Line, independent: f64) -> bool {
 /// Whether a line is about as wide as a point: the smoothed frame two widths beside it holds e⁻¹ of its crest, less of a narrow track, more of an edge.
 fn is_wide(prepared: &Prepared, line: &Line, sigma: f64) -> bool {
     let mean = |offset: f64| {
-        let beside: Vec<f64> =
-            heights(prepared, &line.moved(offset, offset)).into_iter().flatten().collect();
+        let beside: Vec<f64> = heights(prepared, &line.moved(offset, offset)).flatten().collect();
         median(beside)
     };
     let Some(crest) = mean(0.0) else { return false };
@@ -480,7 +474,7 @@ fn is_wide(prepared: &Prepared, line: &Line, sigma: f64) -> bool {
 
 /// How much χ² points along a line explain, the best after one another: as many as a blend of stars may hold.
 fn points(prepared: &Prepared, line: &Line, sigma: f64) -> f64 {
-    let lit = heights(prepared, line);
+    let lit = heights(prepared, line).collect::<Vec<_>>();
     let step = line.length() / (lit.len() - 1).max(1) as f64;
     let mut left: Vec<f64> = lit.iter().map(|v| v.unwrap_or(0.0)).collect();
     let most = if line.length() < 30.0 * sigma { 3 } else { 4 };

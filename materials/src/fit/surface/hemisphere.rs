@@ -291,7 +291,8 @@ fn across(cos_i: f64, x: f64, nodes: &Nodes) -> f64 {
     let value = |s: f64| {
         let next = order.partition_point(|k| nodes.at[*k].0 < s).clamp(1, order.len() - 1);
         let (a, b) = (order[next - 1], order[next]);
-        let [from, at, to] = [nodes.at[a].0, s, nodes.at[b].0].map(|s| nodes.warped(s.abs()).copysign(s));
+        let [from, at, to] =
+            [nodes.at[a].0, s, nodes.at[b].0].map(|s| nodes.warped(s.abs()).copysign(s));
         let part = if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
         (nodes.ln[a] + part * (nodes.ln[b] - nodes.ln[a])).exp()
     };

@@ -111,7 +111,7 @@ impl<'a> Task<'a> {
     /// Adds `scale` times the integrand per area of surface at an azimuth of a circle, without asking for what the zone hides.
     pub fn point(&self, ring: &Ring, azimuth: f64, scale: f64, out: &mut [f64]) {
         let (sin, cos) = azimuth.sin_cos();
-        let length = ring.dr.hypot(ring.dz);
+        let length = (ring.dr * ring.dr + ring.dz * ring.dz).sqrt();
         let (across, up) = (ring.dz / length, -ring.dr / length);
         let normal = self.zone.sign() * DVec3::new(across * cos, across * sin, up);
         let cos_i = normal.dot(self.sun);

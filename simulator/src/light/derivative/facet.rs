@@ -71,7 +71,7 @@ impl Evaluator<'_> {
                     ];
                     let by = flux.slope[side];
                     area_rate += by[0] * slope[0] + by[1] * slope[1];
-                    swept += flux.size * slope[0].hypot(slope[1]);
+                    swept += flux.size * (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
                 }
                 let turned = flux.hinges.iter().zip(&rate.hinges).map(|(a, b)| a * b);
                 area_rate += turned.sum::<f64>();

@@ -84,7 +84,7 @@ impl Flux {
             // The shadow of a point at height h moves by −h times the slope's change, and takes what it sweeps.
             slope[0] += height * part[0];
             slope[1] += height * part[1];
-            self.size += height.abs() * part[0].hypot(part[1]);
+            self.size += height.abs() * (part[0] * part[0] + part[1] * part[1]).sqrt();
             let groups = [scene.occluders[occluder as usize].group, facet.group as usize];
             for (which, group) in groups.into_iter().enumerate() {
                 if let Some(hinge) = hinge_of(group) {

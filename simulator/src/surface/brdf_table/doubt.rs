@@ -1,6 +1,6 @@
 //! Error of interpolation in a table, from leaving measured values out.
 
-use super::{Between, NOT_RESOLVED, SAME_DEG, Table};
+use super::{Around, Between, NOT_RESOLVED, SAME_DEG, Table};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -18,6 +18,8 @@ const GRAZING_COS: f64 = 0.258_819;
 const LEAST: usize = 12;
 /// Rows of an incidence that are left out and predicted, at most.
 const MOST: usize = 400;
+/// Beyond the last incidence ln f may change this many times as fast as before it.
+const GROWTH: f64 = 2.0;
 /// ln f of a table with one incidence may be off by this at another one: nobody knows.
 const UNKNOWN: f64 = 2.0;
 
@@ -26,6 +28,8 @@ const UNKNOWN: f64 = 2.0;
 pub(super) struct Doubts {
     /// ln f per √rad from the nearest measured incidence.
     per_root: [f64; 3],
+    /// Beyond the first and the last incidence: ln f per [`super::steepness`].
+    per_past: [f64; 3],
     /// At a measured row: what reciprocity asks of it.
     met: [f64; 3],
     /// By row: how much it differs from what its neighbours say.
@@ -89,6 +93,7 @@ impl Doubts {
         // The first and the last are left out only where there is no other: they are extrapolated then.
         let left_out = if n >= 3 { 1..n - 1 } else { 0..if n == 2 { 2 } else { 0 } };
         let (mut all, mut errors) = (Vec::new(), [const { Vec::new() }; 3]);
+        let (mut all_past, mut errors_past) = (Vec::new(), [const { Vec::new() }; 3]);
         let mut met = [const { Vec::new() }; 3];
         let of_incidence = |j: usize| {
             let same = move |k: &usize| {
@@ -114,18 +119,29 @@ impl Doubts {
                         if off.is_finite() { off } else { 0.0 }
                     };
                     let worst = (0..table.wavelengths).map(off).fold(0.0, f64::max);
-                    (worst, around.distance)
+                    (worst, around)
                 };
                 met[region].push(error(None).0);
                 if left_out.contains(&j) {
-                    let (off, distance) = error(Some(j));
-                    let rate = off / distance.max(1e-3).sqrt();
+                    let (off, around) = error(Some(j));
+                    let rate = off / around.distance.max(1e-3).sqrt();
                     errors[region].push(rate);
                     all.push(rate);
+                }
+                if n >= 2 && (j == 0 || j == n - 1) {
+                    let (off, around) = error(Some(j));
+                    if around.past > 1e-3 {
+                        errors_past[region].push(off / around.past);
+                        all_past.push(off / around.past);
+                    }
                 }
             }
         }
         let everywhere = quantile(&mut all);
+        let past = quantile(&mut all_past);
+        for (rate, errors) in made.per_past.iter_mut().zip(&mut errors_past) {
+            *rate = GROWTH * if errors.len() >= LEAST { quantile(errors) } else { past };
+        }
         for (region, (errors, met)) in errors.iter_mut().zip(&mut met).enumerate() {
             let enough = errors.len() >= LEAST;
             made.per_root[region] = if enough { quantile(errors) } else { everywhere };
@@ -139,7 +155,8 @@ impl Doubts {
         let around = table.around(i, o, None);
         let region = region(table, i, o);
         let between = if self.measured {
-            self.per_root[region] * around.distance.sqrt()
+            (self.per_root[region] * around.distance.sqrt())
+                .max(self.per_past[region] * around.past)
         } else if around.distance < SAME_DEG.to_radians() {
             0.0
         } else {
@@ -147,8 +164,9 @@ impl Doubts {
         };
         let bend = |(row, w): &(usize, f64)| w * self.bend.get(*row).copied().unwrap_or(0.0);
         let bends: f64 = around.stencil.parts().iter().map(bend).sum();
+        let outside = outside(table, i, o, &around);
         let plane = if table.flat { out_of_plane(table, i, o) } else { 0.0 };
-        let interpolated = between.hypot(self.met[region]).hypot(bends).hypot(plane);
+        let interpolated = between.hypot(self.met[region]).hypot(bends).hypot(plane).hypot(outside);
         // No error that was measured: it stands beside the others.
         interpolated + self.peak(table, i, o)
     }
@@ -215,6 +233,25 @@ fn inner(table: &Table) -> Vec<Option<Inner>> {
         Inner::of(slice.i, known.map(|row| (table.directions[*row].1, ln(*row))))
     };
     table.slices.iter().zip(&rows).map(of).collect()
+}
+
+/// Outside of the directions of an incidence the value at their edge stands: it may change there as much as it does on as long a way inside, towards the mirrored ray.
+fn outside(table: &Table, i: DVec3, o: DVec3, around: &Around) -> f64 {
+    if around.outside < 1e-6 {
+        return 0.0;
+    }
+    let mirrored = DVec3::new(-i.x, -i.y, i.z);
+    let angle = o.angle_between(mirrored);
+    if angle < 1e-9 {
+        return 0.0;
+    }
+    let part = (2.0 * around.outside / angle).min(1.0);
+    let (at, rest) = ((part * angle).sin(), ((1.0 - part) * angle).sin());
+    let inward = ((o * rest + mirrored * at) / angle.sin().max(1e-9)).normalize();
+    let inside = table.around(i, inward, None);
+    let change = |k: usize| table.ln_at(&around.stencil, k) - table.ln_at(&inside.stencil, k);
+    let changes = (0..table.wavelengths).map(|k| change(k).abs());
+    changes.filter(|c| c.is_finite()).fold(0.0, f64::max)
 }
 
 /// Two thirds of a lobe's logarithm change with the azimuth at the same tilt and difference as 1/(cosθ_i cosθ_o) does, or not at all: microfacets do, the ABg model and diffuse light do not.

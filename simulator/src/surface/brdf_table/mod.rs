@@ -11,7 +11,8 @@
 //! For a table with a tangent whose light came from a half of the azimuths, the other half is taken to be the same turned by 180°; of one quarter, the next is taken to be its mirror image;
 //! wider gaps between azimuths are extrapolated. Directions with several values count once, with the median.
 //!
-//! The error of interpolation is measured ([`Material::ln_doubt`]): each incidence but the first and the last is left out in turn, and so is each value between its neighbours. A lobe that is narrower
+//! The error of interpolation is measured ([`Material::ln_doubt`]): each incidence but the first and the last is left out in turn, and so is each value between its neighbours; that of extrapolation
+//! beyond the first and the last by leaving these out, and taking it to grow with the angle and with the logarithm of its cosine, as masking and Fresnel's reflectance do. A lobe that is narrower
 //! than the directions are apart is missed by all of them: where values still rise as a power of the distance at the direction nearest to the mirrored ray, the doubt there is that of a lobe that
 //! reflects all light.
 
@@ -123,6 +124,10 @@ struct Around {
     covered: bool,
     /// How far it is from a measured incidence, radians: 0 at one.
     distance: f64,
+    /// How far beyond the first or the last of them, see [`steepness`]; 0 between them.
+    past: f64,
+    /// How far the detector is outside of the directions of those incidences, radians.
+    outside: f64,
 }
 
 /// A way through the table: how far its incidence is from measured ones, radians, and whether it lies between rows.
@@ -130,6 +135,10 @@ struct Around {
 struct Way {
     distance: f64,
     covered: bool,
+    /// How far its incidence is beyond the first or the last, see [`steepness`].
+    past: f64,
+    /// How far the detector is outside of the directions that were measured, radians.
+    outside: f64,
 }
 
 impl Way {
@@ -137,7 +146,14 @@ impl Way {
     fn add(&mut self, share: f64, beyond: f64) {
         self.covered &= beyond < 1e-6;
         self.distance += share * beyond;
+        self.outside += share * beyond;
     }
+}
+
+/// The coordinate in which an extrapolated ln f changes evenly with the light's angle from the normal, radians: masking and Fresnel's reflectance change with powers of the cosine, lobes with
+/// the angle.
+fn steepness(theta: f64) -> f64 {
+    theta - theta.min(GRAZING_RAD).cos().ln()
 }
 
 /// Measured elevations around one, and the part of the way between them.
@@ -329,7 +345,14 @@ impl Table {
             both.push(*row, w * shares[usize::from(k >= first)]);
         }
         let covered = (there.covered || back.covered) && in_plane.is_none_or(|(.., flat)| flat);
-        Around { stencil: both, covered, distance: there.distance.min(back.distance) }
+        let near = if there.distance <= back.distance { there } else { back };
+        Around {
+            stencil: both,
+            covered,
+            distance: near.distance,
+            past: near.past,
+            outside: near.outside,
+        }
     }
 
     /// ln f of a table of one wavelength, and whether it lies between rows: as [`Self::around`] has it, without a list of rows. `None` where a value is 0.
@@ -414,7 +437,9 @@ impl Table {
         let covered = distance < SAME_DEG.to_radians()
             || (theta >= self.theta[low] && theta <= self.theta[high] && low != high);
         let distance = if covered { distance } else { BEYOND_ENDS * distance };
-        Between { low, high, part, way: Way { distance, covered } }
+        let past =
+            if covered { 0.0 } else { (steepness(theta) - steepness(self.theta[low])).abs() };
+        Between { low, high, part, way: Way { distance, covered, past, outside: 0.0 } }
     }
 
     /// The elevations below and above one, but that left out; the same twice beyond the ends.
