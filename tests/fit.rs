@@ -6,6 +6,8 @@ use crate::common::Folder;
 use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::ecsv;
+use sunglint_inference::measured::MeasuredCurve;
+use sunglint_radiometry::light_curve::published::MagnitudeOptions;
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind, Samples};
 use sunglint_testkit::{fixture, shared, skip};
 
@@ -636,6 +638,55 @@ exposure_s = 0.1
 [fit]
 free = ["albedo", "normal.plate", "material.gloss.alpha=0.02..0.3"]
 "#;
+
+/// Truth: the scene that the magnitudes were simulated from: an albedo of 0.3, exposures of 0.1 s, which the file does not say. A sphere three magnitudes brighter than any albedo makes it stands
+/// at its bound, alone as its number is; an hour later the satellite is below the horizon, and no channel but V was measured. Tolerance: three standard errors.
+#[test]
+fn magnitudes_have_the_scenes_exposures_horizon_and_bounds() {
+    let folder = Folder::new("fit-magnitudes");
+    let scene = GLINTING.replace(
+        "\"albedo\", \"normal.plate\", \"material.gloss.alpha=0.02..0.3\"",
+        "\"albedo.paint\"",
+    );
+    std::fs::write(folder.path("ball.toml"), scene).unwrap();
+    std::fs::create_dir_all(folder.path("of")).unwrap();
+    folder.done(&["simulate", "ball.toml", "-o", "of/", "-q"]);
+    let text = std::fs::read_to_string(folder.path("of/ball_geometry.ecsv")).unwrap();
+    let table = ecsv::read_str("ball_geometry.ecsv", &text).unwrap();
+    let v_mag = table.f64("v_mag").unwrap().to_vec();
+    let times = text.lines().filter(|l| l.starts_with("2020"));
+    let times: Vec<&str> = times.map(|l| l.split([' ', ',']).next().unwrap()).collect();
+    let write = |name: &str, brighter: f64, hour: &str| {
+        let mut lines = "# synthetic\ntime_utc,magnitude,sigma_mag\n".to_owned();
+        for (i, (time, mag)) in times.iter().zip(&v_mag).enumerate() {
+            let even = |j: usize| ((12 * i + j) as f64 * 0.618_033_988_749_895).fract();
+            let chance = (0..12).map(|j| (even(j) * 7919.0).fract() - 0.5).sum::<f64>();
+            let time = time.replace("T16:", hour);
+            writeln!(lines, "{time},{:.5},0.05", mag - brighter + 0.05 * chance).unwrap();
+        }
+        std::fs::write(folder.path(name), lines).unwrap();
+    };
+    write("m.csv", 0.0, "T16:");
+    let output = folder.run(&["fit", "m.csv", "ball.toml", "--json"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("those of the scene are taken, 0.1 s"), "{said}");
+    let fitted: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let albedo = &fitted["fit"]["parameters"][0];
+    let (value, sigma) = (albedo["value"].as_f64().unwrap(), albedo["sigma"].as_f64().unwrap());
+    assert!((value - 0.3).abs() < 3.0 * sigma && sigma < 0.002, "{value} {sigma}");
+    let said = folder.refused(1, &["fit", "m.csv", "ball.toml", "--channel", "r"]);
+    assert!(said.contains("no curve has the channel `r`"), "{said}");
+    // Each uncertainty is the share of the light that the file says, whatever the sample's own light.
+    let read = MeasuredCurve::read(&folder.path("m.csv"), &MagnitudeOptions::default()).unwrap();
+    let share = 0.05 * 0.4 * std::f64::consts::LN_10;
+    assert!(read.share.unwrap().iter().all(|s| (s / share - 1.0).abs() < 1e-9));
+    write("bright.csv", 3.0, "T16:");
+    let bright = folder.json(&["fit", "bright.csv", "ball.toml", "--json", "-q"]);
+    assert_eq!(bright["fit"]["parameters"][0]["at_bound"], "high", "{bright}");
+    write("later.csv", 0.0, "T17:");
+    let said = folder.refused(1, &["fit", "later.csv", "ball.toml"]);
+    assert!(said.contains("below the horizon"), "{said}");
+}
 
 /// Truth: formulas of this test alone: magnitudes of a Lambert sphere (2/3 ρ r² Φ) and of a GGX plate (Walter 2007 with Smith's height-correlated masking, as Heitz 2014 writes them) over the sphere's, with noise of
 /// 0.05 mag; the directions are those of `simulate`'s table of geometry. Normals are drawn beside the way of the mirrored direction. Tolerance: 0.3° along the way of the mirrored direction; 3° across it, where

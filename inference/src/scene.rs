@@ -179,6 +179,12 @@ impl Scene {
         self.table.get("times").and_then(|t| t.get("table")).is_some()
     }
 
+    /// The exposure that the scene says, s: `[times] exposure_s`.
+    pub fn exposure_s(&self) -> Option<f64> {
+        let said = self.table.get("times")?.get("exposure_s")?;
+        said.as_float().or_else(|| said.as_integer().map(|s| s as f64)).filter(|s| *s > 0.0)
+    }
+
     /// The same with a body that costs nothing to read, for what is not about the body.
     pub fn without_target(&self) -> Self {
         let mut scene = self.clone();

@@ -76,6 +76,9 @@ pub fn joined<P: AsRef<Path>>(
     Ok(curves)
 }
 
+/// Nothing farther from the zenith than this is seen, whatever the refraction, degrees.
+const BELOW_DEG: f64 = 91.0;
+
 /// The pass of a curve at its own times; adds what a person should hear of to `warnings`.
 ///
 /// # Errors
@@ -96,7 +99,25 @@ pub fn pass_of(curve: &CurveOfScene, warnings: &mut Vec<String>) -> Result<Pass,
         }
     }
     let own = &curve.measured;
-    pass.at_times(own.times.clone(), own.exposure_s.clone(), &own.file_rows)
+    let mut exposure_s = own.exposure_s.clone();
+    if !own.is_exposure_known {
+        // As `compare` takes them, so that the fitted scene is what was fitted.
+        match curve.scene.exposure_s() {
+            Some(usual) => {
+                exposure_s.fill(usual);
+                warnings.push(format!(
+                    "{}: no exposures: those of the scene are taken, {usual} s",
+                    own.path.display()
+                ));
+            }
+            None => warnings.push(format!(
+                "{}: no exposures, in the file or the scene: the usual step is taken, {} s; say `[times] exposure_s` if they are shorter",
+                own.path.display(),
+                exposure_s.first().copied().unwrap_or(f64::NAN)
+            )),
+        }
+    }
+    pass.at_times(own.times.clone(), exposure_s, &own.file_rows)
         .map_err(|source| MeasuredError::Times { path: own.path.clone(), source: Box::new(source) })
 }
 
@@ -115,7 +136,10 @@ pub fn channels(
     only: &[String],
 ) -> Result<Vec<String>, MeasuredError> {
     if curves.first().is_some_and(|c| c.measured.magnitudes) {
-        return Ok(vec!["V".into()]);
+        return match only.iter().find(|c| *c != "V") {
+            Some(missing) => Err(MeasuredError::NotMeasured { channel: missing.clone() }),
+            None => Ok(vec!["V".into()]),
+        };
     }
     let mut found: Vec<String> = Vec::new();
     for (curve, study) in curves.iter().zip(studies) {
@@ -170,17 +194,23 @@ pub fn prepared(
         })
     };
     let mut data = Data::new(measured.name(), pick(&measured.rate), pick(&measured.sigma));
-    data.is_relative = measured.magnitudes;
+    data.share = measured.share.as_ref().map(pick);
     data.used = Array2::from_shape_fn((n, channels.len()), |(i, c)| {
         from[c].is_some_and(|k| measured.used[[i, k]])
     });
     let mut left_out: Vec<(String, usize)> =
         measured.left_out.iter().map(|(why, count)| (why.clone(), *count)).collect();
+    // A table of observations may have an observer of its own.
+    let from_station = study.pass().observations.is_empty();
     let (mut hidden, mut shaded) = (0, 0);
     let before = data.count();
     for (i, place) in study.places().iter().enumerate() {
         let count = data.used.row(i).iter().filter(|u| **u).count();
-        let low = place.apparent_zenith_deg.is_none() && !measured.magnitudes;
+        // Magnitudes are above the air: no refraction was looked up for them.
+        let low = match measured.magnitudes {
+            true => from_station && place.geometry.zenith_deg() > BELOW_DEG,
+            false => place.apparent_zenith_deg.is_none(),
+        };
         if low {
             hidden += count;
         } else if place.sunlit < 1.0 {

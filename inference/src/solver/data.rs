@@ -25,9 +25,9 @@ pub struct Data {
     pub common_variance: Vec<f64>,
     /// Growth of the variance with the rate, ∂σ²/∂rate, epochs × channels: photons. Zeros where the stated variances hold as they are.
     pub variance_slope: Array2<f64>,
-    /// Whether the uncertainties are shares of the rates, as those of magnitudes are: then they follow the model's rates. A sample that is too faint by chance would
-    /// have an uncertainty that is too small by as much, and draw all others.
-    pub is_relative: bool,
+    /// The uncertainties as shares of the rates, epochs × channels, where they are such, as those of magnitudes are: then they follow the model's rates. A sample that is too faint by chance
+    /// would have an uncertainty that is too small by as much, and draw all others.
+    pub share: Option<Array2<f64>>,
     /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
 }
@@ -53,7 +53,7 @@ impl Data {
             name: name.into(),
             common_variance: vec![0.0; rate.nrows()],
             variance_slope: Array2::zeros(rate.raw_dim()),
-            is_relative: false,
+            share: None,
             calibration: None,
             rate,
             sigma,
@@ -96,10 +96,9 @@ impl Data {
     pub(super) fn variance(&self, epoch: usize, channel: usize, model: Option<f64>) -> f64 {
         let at = [epoch, channel];
         let stated = self.sigma[at].powi(2);
-        if self.is_relative {
+        if let Some(share) = &self.share {
             let rate = model.unwrap_or_else(|| self.beginning(epoch, channel));
-            let share = self.sigma[at] / self.rate[at].abs();
-            return (share * rate).powi(2).max(LEAST_VARIANCE * stated);
+            return (share[at] * rate).powi(2).max(LEAST_VARIANCE * stated);
         }
         match model {
             Some(model) => (stated + self.variance_slope[at] * (model - self.rate[at]))
@@ -111,7 +110,7 @@ impl Data {
     /// The rate that stands for a sample's before there is a model: its own, or the median of its neighbours' where that is more.
     pub(super) fn beginning(&self, epoch: usize, channel: usize) -> f64 {
         let own = self.rate[[epoch, channel]];
-        if !self.is_relative {
+        if self.share.is_none() {
             return own;
         }
         let near = epoch.saturating_sub(NEIGHBOURS)..(epoch + NEIGHBOURS + 1).min(self.epochs());

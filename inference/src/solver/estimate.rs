@@ -573,8 +573,15 @@ fn profile(
     let room = |ends: &[f64]| -> Vec<f64> { others.iter().map(|i| ends[*i] - at[*i]).collect() };
     let (least, largest) = (room(low), room(high));
     let search = |e: BoundedError| FitError::Search { why: e.to_string() };
-    let form = Quadratic::new(&part).map_err(search)?;
+    let form = match others.is_empty() {
+        true => None,
+        false => Some(Quadratic::new(&part).map_err(search)?),
+    };
     let rise = |t: f64| -> Result<f64, FitError> {
+        // A parameter that is alone has its parabola.
+        let Some(form) = &form else {
+            return Ok(normal[(which, which)] * t * t - 2.0 * gradient[which] * t);
+        };
         let right = DVector::from_fn(others.len(), |a, _| {
             gradient[others[a]] - normal[(others[a], which)] * t
         });

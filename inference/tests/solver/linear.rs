@@ -373,9 +373,10 @@ fn faint_outliers_of_magnitudes_draw_no_factor() {
             let rate = Array2::from_shape_fn((n, 1), |(i, _)| {
                 truth[[i, 0]] * 10_f64.powf(-0.4 * (off[i] + faint(i)))
             });
-            let sigma = rate.mapv(|r| r * 0.1 * 0.4 * std::f64::consts::LN_10);
+            let share = 0.1 * 0.4 * std::f64::consts::LN_10;
+            let sigma = rate.mapv(|r| r * share);
             let mut data = Data::new("a", rate, sigma);
-            data.is_relative = true;
+            data.share = Some(Array2::from_elem((n, 1), share));
             let columns = vec![truth.insert_axis(ndarray::Axis(2))];
             let mut model = Fixed { columns, times: None };
             let options = Options { loss, ..PLAIN };
