@@ -6,7 +6,6 @@ use hifitime::Epoch;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::published::{Brightness, CurveFile, MagnitudeOptions};
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
@@ -26,7 +25,7 @@ pub struct MeasuredCurve {
     pub rate: Array2<f64>,
     /// Their standard uncertainties.
     pub sigma: Array2<f64>,
-    /// These as shares of the light where they are such: of magnitudes.
+    /// Uncertainties as shares of the light, of magnitudes alone.
     pub share: Option<Array2<f64>>,
     /// Whether the file says the exposures; else they are the usual step.
     pub is_exposure_known: bool,
@@ -46,31 +45,6 @@ pub struct MeasuredCurve {
     pub file_rows: Vec<usize>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-}
-
-/// Samples before and after one whose median is its track's brightness, as [`Brightness::sigma`] has it.
-const BESIDE: usize = 10;
-
-/// The uncertainties of magnitudes as shares of the light: [`Brightness::sigma`] over the track's brightness about each sample, with which it was multiplied.
-fn shares(curve: &Brightness) -> Vec<f64> {
-    let mut begun: Vec<Epoch> = curve.tracks.iter().map(|t| t.0).collect();
-    begun.sort();
-    let mut groups: BTreeMap<_, Vec<usize>> = BTreeMap::new();
-    for (i, time) in curve.times.iter().enumerate() {
-        let track = begun.partition_point(|b| b <= time);
-        let camera = curve.cameras.as_ref().map(|c| c[i].as_str());
-        let label = curve.labels.as_ref().map(|l| (l[i].session.as_str(), l[i].filter.as_str()));
-        groups.entry((track, camera, label)).or_default().push(i);
-    }
-    let mut shares = vec![f64::NAN; curve.times.len()];
-    for group in groups.values() {
-        for (k, i) in group.iter().enumerate() {
-            let near = &group[k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(group.len())];
-            let near = near.iter().map(|j| curve.flux[*j]).filter(|v| v.is_finite());
-            shares[*i] = median(near).map_or(f64::NAN, |usual| curve.sigma[*i] / usual);
-        }
-    }
-    shares
 }
 
 impl MeasuredCurve {
@@ -97,7 +71,6 @@ impl MeasuredCurve {
     fn of_magnitudes(path: &Path, curve: &Brightness) -> Self {
         let shape = (curve.times.len(), 1);
         let used = Array2::from_shape_fn(shape, |(i, _)| curve.is_used(i));
-        let share = shares(curve);
         let lost = used.iter().filter(|u| !**u).count();
         let left_out = (lost > 0).then(|| ("no number".to_owned(), lost));
         Self {
@@ -107,7 +80,7 @@ impl MeasuredCurve {
             channels: vec!["V".into()],
             rate: Array2::from_shape_fn(shape, |(i, _)| curve.flux[i]),
             sigma: Array2::from_shape_fn(shape, |(i, _)| curve.sigma[i]),
-            share: Some(Array2::from_shape_fn(shape, |(i, _)| share[i])),
+            share: Some(Array2::from_shape_fn(shape, |(i, _)| curve.share[i])),
             is_exposure_known: curve.is_exposure_known,
             used,
             left_out: left_out.into_iter().collect(),

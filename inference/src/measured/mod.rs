@@ -100,7 +100,8 @@ pub fn pass_of(curve: &CurveOfScene, warnings: &mut Vec<String>) -> Result<Pass,
     }
     let own = &curve.measured;
     let mut exposure_s = own.exposure_s.clone();
-    if !own.is_exposure_known {
+    // A table of observations has exposures of its own.
+    if !own.is_exposure_known && !curve.scene.has_observations() {
         // As `compare` takes them, so that the fitted scene is what was fitted.
         match curve.scene.exposure_s() {
             Some(usual) => {

@@ -277,8 +277,10 @@ pub struct Brightness {
     pub is_exposure_known: bool,
     /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
     pub flux: Vec<f64>,
-    /// Standard uncertainty of the flux.
+    /// Standard uncertainty of the flux: [`Brightness::share`] of the track's brightness about each sample.
     pub sigma: Vec<f64>,
+    /// Standard uncertainty as a share of the flux: 0.921 for each magnitude that the file, the options or the track's white noise says; NaN where nothing does.
+    pub share: Vec<f64>,
     /// Distance, m.
     pub range_m: Option<Vec<f64>>,
     /// Phase angle, degrees.
@@ -416,7 +418,8 @@ impl Brightness {
         let flux: Vec<f64> = apparent.iter().map(|m| 10_f64.powf(-0.4 * m)).collect();
         // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
         let smooth = running_median(&tracks, &flux, n);
-        let sigma = (0..n).map(|i| PER_MAG * sigma_mag[i] * smooth[i]).collect();
+        let share: Vec<f64> = sigma_mag.iter().map(|s| PER_MAG * s).collect();
+        let sigma = (0..n).map(|i| share[i] * smooth[i]).collect();
         let is_exposure_known = rows.exposure_s.is_some();
         let exposure_s = rows.exposure_s.unwrap_or_else(|| {
             vec![
@@ -430,6 +433,7 @@ impl Brightness {
             exposure_s,
             flux,
             sigma,
+            share,
             range_m: rows.range_km.map(|r| r.iter().map(|r| 1e3 * r).collect()),
             phase_deg: rows.phase_deg,
             tracks: noise,

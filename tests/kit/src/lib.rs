@@ -144,7 +144,7 @@ pub fn cpu_s() -> f64 {
     ticks / 100.0
 }
 
-/// How likely it is that of n trials that fail with the chance `share` (below 1) each so many or more fail.
+/// The chance that `missed` or more of n trials fail of which each fails with the chance `share`, below 1.
 ///
 /// ```
 /// // 1 − 0.95¹⁰ − 10·0.05·0.95⁹

@@ -529,44 +529,26 @@ fn is_compact(prepared: &Prepared, summit: &Summit, variance: f64) -> bool {
     (0..16).all(|i| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 16.0).sin_cos();
         let at = [summit.place[0] + reach * cos, summit.place[1] + reach * sin];
-        prepared.smooth_at(at).is_none_or(|value| value < 0.1 * summit.height)
+        prepared.smooth_at(at).is_none_or(|(value, _)| value < 0.1 * summit.height)
     })
 }
 
 impl Prepared {
-    /// The smoothed frame between pixels; `None` off the frame.
-    fn smooth_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
-        let [width, height] = self.size;
-        if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let (u, v) = (x - column as f64, y - row as f64);
-        let value = |c: usize, r: usize| f64::from(self.smooth[r * width + c]);
-        Some(
-            (1.0 - v) * ((1.0 - u) * value(column, row) + u * value(column + 1, row))
-                + v * ((1.0 - u) * value(column, row + 1) + u * value(column + 1, row + 1)),
-        )
-    }
-
-    /// The smoothed frame between pixels; `None` off the frame and where the nearest pixel is masked.
+    /// The smoothed frame between pixels, and whether the nearest pixel is masked; `None` off the frame.
     #[inline]
-    fn clear_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
+    fn smooth_at(&self, [x, y]: [f64; 2]) -> Option<(f64, bool)> {
         let [width, height] = self.size;
         if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
             return None;
         }
         let (column, row) = (x as usize, y as usize);
         let (u, v) = (x - column as f64, y - row as f64);
-        let nearest = (row + usize::from(v >= 0.5)) * width + column + usize::from(u >= 0.5);
-        if self.masked[nearest] {
-            return None;
-        }
         let at = row * width + column;
         let upper = &self.smooth[at..at + 2];
         let lower = &self.smooth[at + width..at + width + 2];
         let between = |line: &[f32]| (1.0 - u) * f64::from(line[0]) + u * f64::from(line[1]);
-        Some((1.0 - v) * between(upper) + v * between(lower))
+        let nearest = at + usize::from(v >= 0.5) * width + usize::from(u >= 0.5);
+        Some(((1.0 - v) * between(upper) + v * between(lower), self.masked[nearest]))
     }
 
     /// Whether the nearest pixel is masked; what is off the frame is.

@@ -162,7 +162,8 @@ fn reduced(prepared: &Prepared) -> (Vec<f32>, [usize; 2], usize) {
 fn heights(prepared: &Prepared, line: &Line) -> impl Iterator<Item = Option<f64>> {
     let steps = line.length().max(1.0).round() as usize;
     let place = move |i: usize| line.at(line.from + line.length() * i as f64 / steps as f64);
-    (0..=steps).map(move |i| prepared.clear_at(place(i)))
+    let clear = |(height, is_masked): (f64, bool)| (!is_masked).then_some(height);
+    (0..=steps).map(move |i| prepared.smooth_at(place(i)).and_then(clear))
 }
 
 /// Sum of the clipped heights along a line over the square root of their number.
@@ -222,8 +223,8 @@ fn stretched(prepared: &Prepared, line: Line, level: f64) -> Line {
         loop {
             t += 1.0;
             let place = line.at(middle + sign * t);
-            let Some(height) = prepared.smooth_at(place) else { break };
-            if !prepared.is_masked(place) {
+            let Some((height, is_masked)) = prepared.smooth_at(place) else { break };
+            if !is_masked {
                 sum += height.clamp(-clip, clip) - 0.5 * level;
                 if sum > best {
                     (best, at) = (sum, t);

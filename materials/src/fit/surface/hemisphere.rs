@@ -47,7 +47,7 @@ pub struct Hemisphere {
     /// rise has no end); and, for samples in the plane of incidence alone, the difference that it makes whether values out of it follow the distance from the mirrored direction or the
     /// tilt of the bisector, as those of microfacets do.
     pub ln_doubt: f64,
-    /// What of it is due to the distances between the samples.
+    /// The part of it that the distances between the samples make.
     apart_ln: f64,
 }
 
@@ -281,8 +281,8 @@ fn rings(x: f64, nodes: &Nodes, sum: &mut Sum<'_>) {
     along(nodes, sum, (x - 1.0, x + 1.0), coordinate, element, &[-rim, 0.0, rim]);
 }
 
-/// How much more or less, as a logarithm without sign, samples in the plane of incidence reflect in all if values out of it are those of the same tilt of the bisector in it, and not those of the
-/// same distance from the mirrored direction. Both rules are summed over the same directions, as far as the samples reach.
+/// The doubt of ln of the reflectance that samples in the plane of incidence leave: values out of it are taken as those of the same tilt of the bisector in it, and as those of the same distance from
+/// the mirrored direction. Both rules are summed over the same directions, as far as the samples reach.
 fn across(cos_i: f64, x: f64, nodes: &Nodes) -> f64 {
     let mut order: Vec<usize> = (0..nodes.at.len()).collect();
     order.sort_by(|a, b| nodes.at[*a].0.total_cmp(&nodes.at[*b].0));
@@ -301,30 +301,21 @@ fn across(cos_i: f64, x: f64, nodes: &Nodes) -> f64 {
     }
     let theta_i = x.atan2(cos_i);
     let (mut by_distance, mut by_tilt) = (0.0, 0.0);
-    for spoke in 0..SPOKES {
-        let (sin, cos) = (PI * (spoke as f64 + 0.5) / SPOKES as f64).sin_cos();
-        let rim = x * cos + (1.0 - (x * sin).powi(2)).max(0.0).sqrt();
-        let step = nodes.warped(rim) / RINGS as f64;
-        let radius = |u: f64| nodes.near * (2.0 * u).exp_m1().max(0.0).sqrt();
-        for ring in 0..RINGS {
-            let (inner, outer) = (radius(step * ring as f64), radius(step * (ring + 1) as f64));
-            let r = radius(step * (ring as f64 + 0.5));
-            let area = outer * outer - inner * inner;
-            // Towards the normal and beyond it: s < 0 is beyond the mirrored direction, as seen from the normal.
-            let (o_x, o_y) = (r * cos - x, r * sin);
-            let o_z = (1.0 - o_x * o_x - o_y * o_y).max(0.0).sqrt();
-            let (h_x, h_z) = (o_x + x, o_z + cos_i);
-            let tilt = h_x.hypot(o_y).atan2(h_z);
-            let towards = (theta_i - 2.0 * tilt).sin();
-            let beyond = theta_i + 2.0 * tilt;
-            let s = if h_x < 0.0 && beyond < 0.5 * PI { x - beyond.sin() } else { x - towards };
-            if s < least || s > most || r > most {
-                continue;
-            }
-            by_tilt += area * value(s);
-            by_distance += area * value(if cos < 0.0 && -r >= least { -r } else { r });
+    pieces(x, nodes, |Piece { sin, cos, r, area, .. }| {
+        let (o_x, o_y) = (r * cos - x, r * sin);
+        let o_z = (1.0 - o_x * o_x - o_y * o_y).max(0.0).sqrt();
+        let (h_x, h_z) = (o_x + x, o_z + cos_i);
+        let tilt = h_x.hypot(o_y).atan2(h_z);
+        let towards = (theta_i - 2.0 * tilt).sin();
+        let beyond = theta_i + 2.0 * tilt;
+        // s < 0 is beyond the mirrored direction, as seen from the normal.
+        let s = if h_x < 0.0 && beyond < 0.5 * PI { x - beyond.sin() } else { x - towards };
+        if s < least || s > most || r > most {
+            return;
         }
-    }
+        by_tilt += area * value(s);
+        by_distance += area * value(if cos < 0.0 && -r >= least { -r } else { r });
+    });
     if by_distance > 0.0 && by_tilt > 0.0 { (by_tilt / by_distance).ln().abs() } else { 0.0 }
 }
 
@@ -396,24 +387,40 @@ fn cells(x: f64, nodes: &Nodes, sum: &mut Sum<'_>) {
     }
     let places: Vec<(f64, f64)> = corners.iter().map(|c| c.1).collect();
     let mut triangles = Triangles::new(&places);
+    pieces(x, nodes, |Piece { sin, cos, r, u, area }| {
+        let (distance, k) = nearest((r * cos, r * sin), None);
+        if distance > reach {
+            return;
+        }
+        match triangles.at((u * cos, u * sin)) {
+            Some(parts) => sum.add(area, &parts.map(|(corner, w)| (corners[corner].0, w))),
+            None => sum.add(area, &[(k, 1.0)]),
+        }
+    });
+}
+
+/// A piece of the disc on one side of the plane of incidence and its mirror image: its middle in polar coordinates about the mirrored direction, with the distance as it is and as ln f is
+/// interpolated in it, and the area of both.
+struct Piece {
+    sin: f64,
+    cos: f64,
+    r: f64,
+    u: f64,
+    area: f64,
+}
+
+/// Divides the disc into rings and spokes about the mirrored direction, at x before its middle.
+fn pieces(x: f64, nodes: &Nodes, mut look: impl FnMut(Piece)) {
     for spoke in 0..SPOKES {
         let (sin, cos) = (PI * (spoke as f64 + 0.5) / SPOKES as f64).sin_cos();
-        // From the mirrored direction, at x before the middle of the disc, to its rim.
         let rim = x * cos + (1.0 - (x * sin).powi(2)).max(0.0).sqrt();
         let step = nodes.warped(rim) / RINGS as f64;
         let radius = |u: f64| nodes.near * (2.0 * u).exp_m1().max(0.0).sqrt();
         for ring in 0..RINGS {
             let u = step * (ring as f64 + 0.5);
             let (inner, outer) = (radius(step * ring as f64), radius(step * (ring + 1) as f64));
-            let (r, area) = (radius(u), (outer * outer - inner * inner) * PI / SPOKES as f64);
-            let (distance, k) = nearest((r * cos, r * sin), None);
-            if distance > reach {
-                continue;
-            }
-            match triangles.at((u * cos, u * sin)) {
-                Some(parts) => sum.add(area, &parts.map(|(corner, w)| (corners[corner].0, w))),
-                None => sum.add(area, &[(k, 1.0)]),
-            }
+            let area = (outer * outer - inner * inner) * PI / SPOKES as f64;
+            look(Piece { sin, cos, r: radius(u), u, area });
         }
     }
 }

@@ -509,8 +509,8 @@ impl Evaluator<'_> {
     }
 }
 
-/// How much of a sphere's light at a phase angle may be due to the observer's distance, in radii. By integration, of Lambert light and of lobes of 0.01 to 0.3, it is the same at 100 and 10⁴ radii
-/// but for the factor of their number: 1 at most up to 90°, and 3.6 over what is left to 180° beyond, where the crescent's width to the third power is its light.
+/// The share of a sphere's light that the observer's distance, in radii, may change at a phase angle. Times the distance it is the same at 100 and 10⁴ radii (by integration, of Lambert light and lobes of
+/// 0.01 to 0.3): 1 at most up to 90°, and 3.6 over the angle that is left to 180° beyond, since the light of the crescent is its width to the third power.
 fn distance_matters(material: &Material, phase: f64, away: f64) -> f64 {
     let narrow = match material.width() {
         crate::surface::Width::Other(width) => width.recip().max(1.0),

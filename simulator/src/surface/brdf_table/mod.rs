@@ -124,9 +124,9 @@ struct Around {
     covered: bool,
     /// How far it is from a measured incidence, radians: 0 at one.
     distance: f64,
-    /// How far beyond the first or the last of them, see [`steepness`]; 0 between them.
+    /// The distance beyond the first or the last of them, in [`steepness`]; 0 between them.
     past: f64,
-    /// How far the detector is outside of the directions of those incidences, radians.
+    /// The detector's distance from the directions that were measured there, radians.
     outside: f64,
 }
 
@@ -135,9 +135,9 @@ struct Around {
 struct Way {
     distance: f64,
     covered: bool,
-    /// How far its incidence is beyond the first or the last, see [`steepness`].
+    /// The distance of its incidence beyond the first or the last, in [`steepness`].
     past: f64,
-    /// How far the detector is outside of the directions that were measured, radians.
+    /// The detector's distance from the directions that were measured, radians.
     outside: f64,
 }
 
