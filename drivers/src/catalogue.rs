@@ -97,6 +97,14 @@ pub enum Kind {
     Focuser,
     /// Points a telescope.
     Mount,
+    /// Measures a quantity.
+    Meter,
+    /// Feeds a lamp, a laser or a sample.
+    Source,
+    /// Records spectra.
+    Spectrometer,
+    /// Chooses a wavelength.
+    Monochromator,
 }
 
 impl fmt::Display for Kind {
@@ -109,6 +117,10 @@ impl fmt::Display for Kind {
             Self::FilterWheel => "filter wheel",
             Self::Focuser => "focuser",
             Self::Mount => "mount",
+            Self::Meter => "meter",
+            Self::Source => "source",
+            Self::Spectrometer => "spectrometer",
+            Self::Monochromator => "monochromator",
         })
     }
 }

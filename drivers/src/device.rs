@@ -1,10 +1,11 @@
 //! Abilities of each kind of device, whoever made it.
 //!
 //! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], [`Focuser`],
-//! [`Mount`], each a [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
+//! [`Mount`], and of a bench [`Meter`], [`Source`], [`Spectrometer`], [`Monochromator`], each a [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
 //! stops it early. Units are in the names. What was set is read back from the device, and what it then says is what the
 //! call returns. A long call that fails gives what it had done with the error ([`Interrupted`]).
 
+mod bench;
 mod confirmed;
 mod error;
 mod focuser;
@@ -13,6 +14,7 @@ mod mount;
 mod scale;
 mod sink;
 
+pub use bench::{Level, Meter, Monochromator, Source, Spectrometer, Spectrum};
 pub use confirmed::Confirmed;
 pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};

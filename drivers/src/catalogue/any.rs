@@ -3,8 +3,8 @@
 use super::Kind;
 use crate::clock::Deadline;
 use crate::device::{
-    Camera, Device, DeviceError, FilterWheel, Focuser, Mount, PhotonCounter, PowerMeter,
-    RotationStage, Value, Window,
+    Camera, Device, DeviceError, FilterWheel, Focuser, Meter, Monochromator, Mount, PhotonCounter,
+    PowerMeter, RotationStage, Source, Spectrometer, Value, Window,
 };
 
 /// A device of one of the kinds.
@@ -23,6 +23,14 @@ pub enum AnyDevice {
     Focuser(Box<dyn Focuser>),
     /// A telescope mount.
     Mount(Box<dyn Mount>),
+    /// A meter of any quantity.
+    Meter(Box<dyn Meter>),
+    /// A source.
+    Source(Box<dyn Source>),
+    /// A spectrometer.
+    Spectrometer(Box<dyn Spectrometer>),
+    /// A monochromator.
+    Monochromator(Box<dyn Monochromator>),
 }
 
 impl std::fmt::Debug for AnyDevice {
@@ -42,6 +50,10 @@ impl AnyDevice {
             Self::FilterWheel(_) => Kind::FilterWheel,
             Self::Focuser(_) => Kind::Focuser,
             Self::Mount(_) => Kind::Mount,
+            Self::Meter(_) => Kind::Meter,
+            Self::Source(_) => Kind::Source,
+            Self::Spectrometer(_) => Kind::Spectrometer,
+            Self::Monochromator(_) => Kind::Monochromator,
         }
     }
 
@@ -55,6 +67,10 @@ impl AnyDevice {
             Self::FilterWheel(device) => device.as_mut(),
             Self::Focuser(device) => device.as_mut(),
             Self::Mount(device) => device.as_mut(),
+            Self::Meter(device) => device.as_mut(),
+            Self::Source(device) => device.as_mut(),
+            Self::Spectrometer(device) => device.as_mut(),
+            Self::Monochromator(device) => device.as_mut(),
         }
     }
 
@@ -76,9 +92,14 @@ impl AnyDevice {
                 ("range", "a range's name"),
                 ("zero", "now, with the head covered"),
             ],
-            Self::RotationStage(_) | Self::FilterWheel(_) | Self::Focuser(_) | Self::Mount(_) => {
-                Vec::new()
-            }
+            Self::Source(_) => vec![("level", "a level, in its unit"), ("output", "on or off")],
+            Self::RotationStage(_)
+            | Self::FilterWheel(_)
+            | Self::Focuser(_)
+            | Self::Mount(_)
+            | Self::Meter(_)
+            | Self::Spectrometer(_)
+            | Self::Monochromator(_) => Vec::new(),
         };
         settable.extend(self.device().own_settings());
         settable
@@ -116,6 +137,13 @@ impl AnyDevice {
                 let asked = window(value).ok_or_else(bad)?;
                 camera.set_window(asked, d).map(|window| Value::Text(window_text(&window)))
             }
+            (Self::Source(source), "level") => {
+                source.set_level(real(value).ok_or_else(bad)?, d).map(Value::Number)
+            }
+            (Self::Source(source), "output") => match value {
+                "on" | "off" => source.switch(value == "on", d).map(Value::Flag),
+                _ => Err(bad()),
+            },
             (Self::PhotonCounter(counter), known) if !is_own(counter.as_ref(), known) => {
                 set_channel(counter.as_mut(), known, value, d).unwrap_or_else(|| Err(bad()))
             }

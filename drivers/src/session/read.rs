@@ -2,7 +2,7 @@
 
 use super::{OpenDevice, Session, SessionError, utc_now};
 use crate::catalogue::{Address, AnyDevice};
-use crate::device::{Identity, MountPlace, Power};
+use crate::device::{Identity, Level, MountPlace, Power, Spectrum};
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_formats::{CountRecord, Frame};
@@ -18,7 +18,7 @@ pub struct ReadOptions {
     pub count: u32,
     /// Time from the beginning of one reading to that of the next.
     pub every: Duration,
-    /// Exposure of a camera's frames, or length of a photon counter's bins, seconds; at most a day.
+    /// Exposure of a camera's frames, length of a photon counter's bins, or integration of a spectrometer, seconds; at most a day.
     pub exposure_s: f64,
 }
 
@@ -68,6 +68,24 @@ pub enum Reading {
         /// The place.
         place: MountPlace,
     },
+    /// Reading of a meter, or level of a source.
+    Level {
+        /// When the answer was there, UTC.
+        time: Epoch,
+        /// The level, in the unit.
+        level: Level,
+        /// Unit of the level.
+        unit: String,
+    },
+    /// Wavelength of a monochromator.
+    Wavelength {
+        /// When the answer was there, UTC.
+        time: Epoch,
+        /// The wavelength, nm.
+        wavelength_nm: f64,
+    },
+    /// Spectrum.
+    Spectrum(Box<Spectrum>),
     /// Frame of a camera.
     Frame(Box<Frame>),
     /// Bin of a photon counter.
@@ -84,6 +102,8 @@ impl Reading {
     pub fn is_over(&self) -> bool {
         match self {
             Self::Power { power, .. } => !matches!(power, Power::Watts(_)),
+            Self::Level { level, .. } => !matches!(level, Level::Value(_)),
+            Self::Spectrum(spectrum) => spectrum.is_saturated(),
             Self::Frame(frame) => {
                 Some(f64::from(frame.most_adu())) >= frame.saturation_adu
                     && frame.saturation_adu.is_some()
@@ -206,6 +226,21 @@ impl Counter {
             AnyDevice::Mount(mount) => {
                 let reading = mount.reading(&soon)?;
                 Reading::Place { time: reading.utc, place: reading.place }
+            }
+            AnyDevice::Meter(meter) => {
+                let level = meter.read(&soon)?;
+                Reading::Level { time: utc_now()?, level, unit: meter.unit().to_owned() }
+            }
+            AnyDevice::Source(source) => {
+                let level = Level::Value(source.level(&soon)?);
+                Reading::Level { time: utc_now()?, level, unit: source.unit().to_owned() }
+            }
+            AnyDevice::Monochromator(monochromator) => {
+                let wavelength_nm = monochromator.wavelength_nm(&soon)?;
+                Reading::Wavelength { time: utc_now()?, wavelength_nm }
+            }
+            AnyDevice::Spectrometer(spectrometer) => {
+                Reading::Spectrum(Box::new(spectrometer.expose(exposure_s, &long)?))
             }
             AnyDevice::Camera(camera) => {
                 Reading::Frame(Box::new(camera.expose(exposure_s, &long)?))

@@ -1,4 +1,4 @@
-//! Moves of a stage or a filter wheel, one target after the other.
+//! Moves of a stage, a filter wheel, a focuser or a monochromator, one target after the other.
 
 use super::{OpenDevice, Session, SessionError};
 use crate::catalogue::{Address, AnyDevice, Kind};
@@ -23,6 +23,8 @@ pub enum Destination {
     Slot(u32),
     /// A position of a focuser, steps.
     Steps(i64),
+    /// A wavelength, nm.
+    Wavelength(f64),
 }
 
 /// A destination with the text that named it.
@@ -35,7 +37,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Reads a target of a device of this kind: an angle in degrees, `home` or `stop` for a stage, a slot for a wheel, steps or `stop` for a focuser.
+    /// Reads a target of a device of this kind: an angle in degrees, `home` or `stop` for a stage, a slot for a wheel, steps or `stop` for a focuser, a wavelength in nm for a monochromator.
     ///
     /// # Errors
     /// The kind of device does not move, or the text names no target of it.
@@ -57,6 +59,12 @@ impl Target {
                 Ok(steps) => return to(Destination::Steps(steps)),
                 _ => "a position in whole steps, or `stop`",
             },
+            (Kind::Monochromator, text) => match text.parse() {
+                Ok(nm) if f64::is_finite(nm) && nm >= 0.0 => {
+                    return to(Destination::Wavelength(nm));
+                }
+                _ => "a wavelength in nm",
+            },
             (kind, _) => return Err(SessionError::Immovable { kind }),
         };
         Err(SessionError::Target { found: text.to_owned(), expected })
@@ -72,6 +80,8 @@ pub enum Position {
     Slot(u32),
     /// At a position of a focuser, steps.
     Steps(i64),
+    /// At a wavelength, nm.
+    Wavelength(f64),
     /// The device does not say.
     Unknown,
 }
@@ -93,6 +103,11 @@ impl Position {
     pub fn steps(self) -> Option<i64> {
         if let Self::Steps(steps) = self { Some(steps) } else { None }
     }
+
+    /// Returns the wavelength, nm.
+    pub fn wavelength_nm(self) -> Option<f64> {
+        if let Self::Wavelength(nm) = self { Some(nm) } else { None }
+    }
 }
 
 impl fmt::Display for Position {
@@ -101,6 +116,7 @@ impl fmt::Display for Position {
             Self::Angle(deg) => write!(f, "{deg:.4} deg"),
             Self::Slot(slot) => write!(f, "slot {slot}"),
             Self::Steps(steps) => write!(f, "position {steps}"),
+            Self::Wavelength(nm) => write!(f, "{nm:.3} nm"),
             Self::Unknown => f.write_str("unknown"),
         }
     }
@@ -177,6 +193,7 @@ fn stands(device: &mut AnyDevice, session: &Session) -> Position {
         AnyDevice::RotationStage(stage) => stage.angle_deg(&grace).map(Position::Angle),
         AnyDevice::FilterWheel(wheel) => wheel.slot(&grace).map(Position::Slot),
         AnyDevice::Focuser(focuser) => focuser.position(&grace).map(Position::Steps),
+        AnyDevice::Monochromator(device) => device.wavelength_nm(&grace).map(Position::Wavelength),
         _ => return Position::Unknown,
     }
     .unwrap_or(Position::Unknown)
@@ -203,6 +220,12 @@ fn go(
             stage.stop(&deadline).map_err(|error| (Position::Unknown, error.into()))?;
             // A stage that was never homed stands too, somewhere.
             Ok(stage.angle_deg(&session.soon()).map_or(Position::Unknown, Position::Angle))
+        }
+        (AnyDevice::Monochromator(device), Destination::Wavelength(nm)) => {
+            device.move_to(nm, &deadline).map(Position::Wavelength).map_err(|failed| {
+                let at = failed.done.map_or(Position::Unknown, Position::Wavelength);
+                (at, (*failed.error).into())
+            })
         }
         (AnyDevice::FilterWheel(wheel), Destination::Slot(slot)) => {
             wheel.select(slot, &deadline).map(Position::Slot).map_err(|failed| {

@@ -5,7 +5,7 @@ use crate::Product;
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use sunglint_drivers::device::{MountPlace, Power};
+use sunglint_drivers::device::{Level, MountPlace, Power, Spectrum};
 use sunglint_drivers::session::{Reading, Readings};
 use sunglint_formats::fits::Writer;
 use sunglint_formats::time::format_utc;
@@ -71,6 +71,14 @@ pub fn reading_text(reading: &Reading) -> String {
             };
             format!("{}  {text}", utc(*time))
         }
+        Reading::Level { time, level: Level::Value(value), unit } => {
+            format!("{}  {value:.6e} {unit}", utc(*time))
+        }
+        Reading::Level { time, .. } => format!("{}  more than its range", utc(*time)),
+        Reading::Wavelength { time, wavelength_nm } => {
+            format!("{}  {wavelength_nm:.3} nm", utc(*time))
+        }
+        Reading::Spectrum(spectrum) => spectrum_text(spectrum),
         Reading::Frame(frame) => {
             let (mean, most) = (frame.mean_adu(), frame.most_adu());
             let (rows, columns) = frame.pixels.dim();
@@ -97,6 +105,40 @@ pub fn reading_text(reading: &Reading) -> String {
     }
 }
 
+/// Returns a spectrum in a line: its ends and its highest value.
+fn spectrum_text(spectrum: &Spectrum) -> String {
+    let Spectrum { wavelength_nm, counts, integration_s, .. } = spectrum;
+    let mut text = format!("{}  {} values, {integration_s} s", utc(spectrum.start), counts.len());
+    if let (Some(from), Some(to)) = (wavelength_nm.first(), wavelength_nm.last()) {
+        let _ = write!(text, ", {from:.1} to {to:.1} nm");
+    }
+    let most = wavelength_nm.iter().zip(counts).max_by(|a, b| a.1.total_cmp(b.1));
+    if let Some((nm, most)) = most {
+        let _ = write!(text, ", at most {most} counts at {nm:.1} nm");
+    }
+    text + if spectrum.is_saturated() { " (saturated)" } else { "" }
+}
+
+/// Returns spectra as a table, one row a value.
+fn spectra_table<'a>(spectra: impl Iterator<Item = &'a Spectrum>) -> Table {
+    let (mut time, mut exposure, mut nm, mut counts) = (vec![], vec![], vec![], vec![]);
+    for spectrum in spectra {
+        for (wavelength, value) in spectrum.wavelength_nm.iter().zip(&spectrum.counts) {
+            time.push(utc(spectrum.start));
+            exposure.push(spectrum.integration_s);
+            nm.push(*wavelength);
+            counts.push(*value);
+        }
+    }
+    let columns = vec![
+        Column::text("time_utc", time),
+        Column::f64("exposure_s", Some("s"), exposure),
+        Column::f64("wavelength_nm", Some("nm"), nm),
+        Column::f64("counts", Some("ct"), counts),
+    ];
+    Table { columns, ..Table::default() }
+}
+
 fn reading_json(reading: &Reading) -> Value {
     match reading {
         Reading::Power { time, power } => {
@@ -118,6 +160,20 @@ fn reading_json(reading: &Reading) -> Value {
                 json!({ "time_utc": utc(*time), "azimuth_deg": azimuth_deg, "altitude_deg": altitude_deg })
             }
         },
+        Reading::Level { time, level, unit } => {
+            let value = if let Level::Value(value) = level { Some(*value) } else { None };
+            json!({ "time_utc": utc(*time), "level": value, "unit": unit, "over": value.is_none() })
+        }
+        Reading::Wavelength { time, wavelength_nm } => {
+            json!({ "time_utc": utc(*time), "wavelength_nm": wavelength_nm })
+        }
+        Reading::Spectrum(spectrum) => json!({
+            "time_utc": utc(spectrum.start),
+            "exposure_s": spectrum.integration_s,
+            "wavelength_nm": spectrum.wavelength_nm,
+            "counts": spectrum.counts,
+            "over": spectrum.is_saturated(),
+        }),
         Reading::Frame(frame) => {
             let (mean, most) = (frame.mean_adu(), frame.most_adu());
             let (rows, columns) = frame.pixels.dim();
@@ -154,7 +210,10 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
         | Reading::Angle { time, .. }
         | Reading::Slot { time, .. }
         | Reading::Steps { time, .. }
-        | Reading::Place { time, .. } => utc(*time),
+        | Reading::Place { time, .. }
+        | Reading::Level { time, .. }
+        | Reading::Wavelength { time, .. } => utc(*time),
+        Reading::Spectrum(spectrum) => utc(spectrum.start),
         Reading::Frame(frame) => format_utc(frame.start, 6),
         Reading::Counts { record, .. } => format_utc(record.start, 6),
     });
@@ -220,6 +279,31 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
                 let angles = readings.iter().map(|reading| angle(reading, axis)).collect();
                 columns.push(Column::f64(name, Some("deg"), angles));
             }
+        }
+        Some(Reading::Level { unit, .. }) => {
+            let value = numbers(|reading| match reading {
+                Reading::Level { level: Level::Value(value), .. } => *value,
+                _ => f64::NAN,
+            });
+            columns.push(Column::f64("level", Some(unit), value));
+            let over = readings.iter().map(|reading| Some(reading.is_over())).collect();
+            let over = Column { values: Values::Bool(over), ..Column::text("over", Vec::new()) };
+            columns.push(over.described("more than the range: no number"));
+        }
+        Some(Reading::Wavelength { .. }) => {
+            let value = numbers(|reading| match reading {
+                Reading::Wavelength { wavelength_nm, .. } => *wavelength_nm,
+                _ => f64::NAN,
+            });
+            columns.push(Column::f64("wavelength_nm", Some("nm"), value));
+        }
+        Some(Reading::Spectrum(_)) => {
+            let spectra = readings.iter().filter_map(|reading| match reading {
+                Reading::Spectrum(spectrum) => Some(spectrum.as_ref()),
+                _ => None,
+            });
+            product.table = spectra_table(spectra);
+            return Ok(product);
         }
         Some(Reading::Frame(_)) => frames(readings, &mut columns, &mut product)?,
         Some(Reading::Counts { channels, .. }) => {
