@@ -106,13 +106,13 @@ pub struct Magnitudes {
     #[command(flatten)]
     pub time: TimeColumn,
     /// The column of magnitudes, where a table of them is given [default: magnitude, mag, V … or flux]
-    #[arg(long = "magnitude-column", value_name = "NAME")]
+    #[arg(long = "magnitude-column", alias = "column", value_name = "NAME")]
     pub column: Option<String>,
     /// The column of their standard uncertainties [default: sigma_mag, mag_err …]
     #[arg(long, value_name = "NAME")]
     pub sigma_column: Option<String>,
     /// Kind of these magnitudes
-    #[arg(long = "magnitudes-as", value_enum, default_value_t)]
+    #[arg(long = "magnitudes-as", alias = "as", value_enum, default_value_t)]
     pub law: ComparedAs,
     /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
     #[arg(long, value_name = "MAG")]
@@ -134,6 +134,7 @@ impl Magnitudes {
             kind: self.law.into(),
             sigma_mag: self.sigma_mag,
             rows: self.object.clone().map_or(ObjectRows::One, ObjectRows::Of),
+            as_written: false,
         }
     }
 
@@ -149,6 +150,7 @@ impl Magnitudes {
 /// The error with the option that may help.
 pub fn with_hint(error: PublishedError) -> anyhow::Error {
     match error {
+        PublishedError::NoSigma { .. } => anyhow!("{error} (--sigma-column NAME)"),
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
         PublishedError::Objects { .. } => anyhow!("{error} (--object NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),

@@ -639,7 +639,7 @@ exposure_s = 0.1
 free = ["albedo", "normal.plate", "material.gloss.alpha=0.02..0.3"]
 "#;
 
-/// Truth: the scene that the magnitudes were simulated from: an albedo of 0.3, exposures of 0.1 s, which the file does not say. A sphere three magnitudes brighter than any albedo makes it stands
+/// Truth: the scene that the magnitudes were simulated from, with noise of 0.05 and 0.3 mag: an albedo of 0.3, exposures of 0.1 s, which the file does not say. A sphere three magnitudes brighter than any albedo makes it stands
 /// at its bound, alone as its number is; an hour later the satellite is below the horizon, and no channel but V was measured. Tolerance: three standard errors.
 #[test]
 fn magnitudes_have_the_scenes_exposures_horizon_and_bounds() {
@@ -656,16 +656,17 @@ fn magnitudes_have_the_scenes_exposures_horizon_and_bounds() {
     let v_mag = table.f64("v_mag").unwrap().to_vec();
     let times = text.lines().filter(|l| l.starts_with("2020"));
     let times: Vec<&str> = times.map(|l| l.split([' ', ',']).next().unwrap()).collect();
-    let write = |name: &str, brighter: f64, hour: &str| {
+    let noisy = |name: &str, brighter: f64, hour: &str, noise: f64| {
         let mut lines = "# synthetic\ntime_utc,magnitude,sigma_mag\n".to_owned();
         for (i, (time, mag)) in times.iter().zip(&v_mag).enumerate() {
             let even = |j: usize| ((12 * i + j) as f64 * 0.618_033_988_749_895).fract();
             let chance = (0..12).map(|j| (even(j) * 7919.0).fract() - 0.5).sum::<f64>();
             let time = time.replace("T16:", hour);
-            writeln!(lines, "{time},{:.5},0.05", mag - brighter + 0.05 * chance).unwrap();
+            writeln!(lines, "{time},{:.5},{noise}", mag - brighter + noise * chance).unwrap();
         }
         std::fs::write(folder.path(name), lines).unwrap();
     };
+    let write = |name: &str, brighter: f64, hour: &str| noisy(name, brighter, hour, 0.05);
     write("m.csv", 0.0, "T16:");
     let output = folder.run(&["fit", "m.csv", "ball.toml", "--json"]);
     let said = String::from_utf8(output.stderr).unwrap();
@@ -680,6 +681,24 @@ fn magnitudes_have_the_scenes_exposures_horizon_and_bounds() {
     let read = MeasuredCurve::read(&folder.path("m.csv"), &MagnitudeOptions::default()).unwrap();
     let share = 0.05 * 0.4 * std::f64::consts::LN_10;
     assert!(read.share.unwrap().iter().all(|s| (s / share - 1.0).abs() < 1e-9));
+    // Noise of 0.3 mag makes the mean light 4 % more, which is no albedo; in magnitudes it is the noise that it is.
+    noisy("wide.csv", 0.0, "T16:", 0.3);
+    let wide = folder.json(&["fit", "wide.csv", "ball.toml", "--json", "-q"]);
+    let albedo = &wide["fit"]["parameters"][0];
+    let (value, sigma) = (albedo["value"].as_f64().unwrap(), albedo["sigma"].as_f64().unwrap());
+    assert!((value - 0.3).abs() < 3.0 * sigma && sigma < 0.01, "{value} {sigma}");
+    let compared = folder.json(&["compare", "wide.csv", "ball.toml", "--json", "-q"]);
+    let numbers = &compared["channels"][0]["numbers"];
+    let number = |key: &str| numbers[key].as_f64().unwrap();
+    let n = number("samples");
+    assert!((number("scale") - 1.0).abs() < 3.0 * number("scale_sigma"), "{numbers}");
+    assert!((number("scale_sigma") * n.sqrt() / (6.0 * share) - 1.0).abs() < 0.05, "{numbers}");
+    let chi2 = numbers["chi2"]["data"].as_f64().unwrap();
+    assert!((chi2 - 1.0).abs() < 3.0 * (2.0 / n).sqrt(), "{numbers}");
+    let said = folder.refused(1, &["fit", "m.csv", "m.csv", "ball.toml"]);
+    assert!(said.contains("give them once"), "{said}");
+    let said = folder.refused(1, &["fit", "m.csv", "ball.toml", "--sigma-mag", "0"]);
+    assert!(said.contains("a noise of 0 mag"), "{said}");
     write("bright.csv", 3.0, "T16:");
     let bright = folder.json(&["fit", "bright.csv", "ball.toml", "--json", "-q"]);
     assert_eq!(bright["fit"]["parameters"][0]["at_bound"], "high", "{bright}");

@@ -59,12 +59,40 @@ impl Curve {
             within: &self.within,
             twinkling: self.twinkling.as_deref(),
             common_sigma: None,
+            of_magnitudes: false,
         }
     }
 
     fn channel(&self) -> Channel {
         Channel::new(&self.given(), &Blocks::new(self.measured.len()))
     }
+}
+
+/// Truth: by hand, of three magnitudes of which one has half the uncertainty.
+#[test]
+fn magnitudes_are_compared_as_logarithms() {
+    let mut curve =
+        Curve::new(vec![2.0, 1.0, 8.0, 5.0], vec![0.2, 0.1, 0.4, 1.0], vec![1.0, 1.0, 4.0, 0.0]);
+    curve.model_error = vec![0.1, 0.1, 0.4, 0.0];
+    let given = Given { of_magnitudes: true, ..curve.given() };
+    let channel = Channel::new(&given, &Blocks::new(4));
+    assert_eq!(channel.used, [true, true, true, false]);
+    assert_eq!(channel.left_out.to_string(), "1 left out (1 dark_in_the_simulation)");
+    let numbers = channel.numbers.unwrap();
+    // Shares 0.1, 0.1 and 0.05: weights 1, 1 and 4 of ln 2, 0 and ln 2.
+    let mean = 5.0 / 6.0 * 2_f64.ln();
+    assert!((numbers.scale - mean.exp()).abs() < 1e-14);
+    assert!((numbers.scale_sigma.unwrap() - mean.exp() / 600_f64.sqrt()).abs() < 1e-14);
+    let left = [2_f64.ln() - mean, -mean, 2_f64.ln() - mean];
+    let squares = left[0].powi(2) + left[1].powi(2) + 4.0 * left[2].powi(2);
+    let chi2 = numbers.chi2.unwrap();
+    assert!((chi2.data - squares / 0.01 / 2.0).abs() < 1e-10, "{chi2:?}");
+    let past = |left: f64| (left.abs() - 0.1).max(0.0).powi(2);
+    let squares = past(left[0]) + past(left[1]) + 4.0 * past(left[2]);
+    assert!((chi2.past_stated - squares / 0.01 / 2.0).abs() < 1e-10, "{chi2:?}");
+    let rms = left.iter().map(|l| l * l).sum::<f64>() / 3.0;
+    assert!((numbers.rms - rms.sqrt()).abs() < 1e-14);
+    assert!((numbers.noise.unwrap() - (0.0225_f64 / 3.0).sqrt()).abs() < 1e-14);
 }
 
 /// Truth: by hand.

@@ -19,7 +19,7 @@ use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduc
 use sunglint_formats::Frame;
 use sunglint_formats::fits::Header;
 use sunglint_formats::photometry::{self, ColumnNames, Scale, TimeFormat};
-use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
+use sunglint_inference::compare::{MeasuredPass, at_measured_times, compare};
 use sunglint_inference::fit::{FitOptions, FreeParameter, fit};
 use sunglint_inference::measured::joined;
 use sunglint_radiometry::air::{Air, AirOptions};
@@ -185,6 +185,7 @@ impl Reading {
             kind: self.kind()?,
             sigma_mag: self.sigma_mag,
             rows: self.rows(),
+            as_written: false,
         })
     }
 }
@@ -335,10 +336,9 @@ fn compare_pass(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
     run(py, progress, move |watch: &Watch| {
-        let columns = MagnitudeColumns { names: reading.names()?, compared_as: reading.kind()? };
-        let mut measured = MeasuredPass::read(&measured, &columns)?;
         let overrides = Overrides { tolerance, ..Overrides::default() };
         let scene = pass(&scene, station.as_deref(), overrides)?;
+        let mut measured = MeasuredPass::read(&measured, &reading.options()?, &scene)?;
         measured.keep(&channels, &scene.station)?;
         let scene = at_measured_times(scene, &measured)?;
         let compared = compare(&scene, measured, watch)?;

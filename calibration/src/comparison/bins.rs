@@ -52,14 +52,13 @@ pub fn bins(given: &Given<'_>, channel: &Channel, values: &[f64], edges: &[f64])
         let within = |v: f64| v >= ends[0] && (v < ends[1] || last && v <= ends[1]);
         let own: Vec<usize> =
             (0..values.len()).filter(|i| channel.used[*i] && within(values[*i])).collect();
-        let (light, model) = given.sums(own.iter().copied());
-        let of = numbers.scale * model;
-        (!own.is_empty() && of > 0.0).then(|| Bin {
+        let (_, model) = given.sums(own.iter().copied());
+        (!own.is_empty() && numbers.scale * model > 0.0).then(|| Bin {
             from: ends[0],
             to: ends[1],
             samples: own.len(),
-            ratio: light / of,
-            sigma: given.sigma_of_sum(own.iter().copied()).map(|s| s / of),
+            ratio: given.quotient(own.iter().copied()) / numbers.scale,
+            sigma: given.sigma_of_quotient(&own).map(|s| s / numbers.scale),
         })
     };
     edges.windows(2).enumerate().filter_map(bin).collect()

@@ -36,6 +36,8 @@ pub struct Given<'a> {
     pub twinkling: Option<&'a [f64]>,
     /// The relative uncertainty that all samples have in common: κ's.
     pub common_sigma: Option<f64>,
+    /// Whether the values are of magnitudes, whose uncertainties are shares of the light: then ln(m/s) is compared, each sample with the weight of its own share.
+    pub of_magnitudes: bool,
 }
 
 /// Why a sample was left out.
@@ -49,6 +51,8 @@ pub enum Reason {
     Hidden,
     /// The simulation has no value.
     NotSimulated,
+    /// The simulation has no light, and so no magnitude.
+    Dark,
     /// The measurement has no number, and no flag that says why.
     NoNumber,
 }
@@ -63,6 +67,7 @@ impl Reason {
             Reason::Outside => "outside_the_pass".into(),
             Reason::Hidden => "hidden_in_the_simulation".into(),
             Reason::NotSimulated => "not_simulated".into(),
+            Reason::Dark => "dark_in_the_simulation".into(),
             Reason::NoNumber => "no_number".into(),
         }
     }
@@ -134,7 +139,7 @@ pub struct MaterialBudget {
 pub struct Numbers {
     /// How many they are.
     pub samples: usize,
-    /// Σ t m / Σ t s.
+    /// Σ t m / Σ t s; of magnitudes exp of the weighted mean of ln(m/s).
     pub scale: f64,
     /// Standard uncertainty of the scale from the samples' σ; `None` where a sample has none.
     pub scale_sigma: Option<f64>,
@@ -144,11 +149,11 @@ pub struct Numbers {
     pub blocks: usize,
     /// The relative uncertainty that all samples have in common.
     pub common_sigma: Option<f64>,
-    /// The median of m/s, each sample with the weight of its simulated light.
+    /// The median of m/s, each sample with the weight of its simulated light, or of magnitudes as in the scale.
     pub median: f64,
     /// Half of what the central 68 % of m/(scale·s) spans, with the same weights.
     pub scatter: f64,
-    /// Root of the mean square of m − scale·s over that of scale·s.
+    /// Root of the mean square of m − scale·s over that of scale·s; of magnitudes that of ln(m/(scale·s)).
     pub rms: f64,
     /// The same of the data's σ: what `rms` would be were the model right and twinkling away; `None` without any σ.
     pub noise: Option<f64>,
@@ -223,8 +228,11 @@ impl Given<'_> {
             reasons.push(Reason::Hidden);
         } else if !self.simulated[i].is_finite() {
             reasons.push(Reason::NotSimulated);
+        } else if self.of_magnitudes && self.simulated[i] <= 0.0 {
+            reasons.push(Reason::Dark);
         }
-        if reasons.is_empty() && !self.measured[i].is_finite() {
+        let is_number = self.measured[i].is_finite();
+        if reasons.is_empty() && !(is_number && (!self.of_magnitudes || self.measured[i] > 0.0)) {
             reasons.push(Reason::NoNumber);
         }
         reasons
@@ -236,6 +244,73 @@ impl Given<'_> {
             let t = self.exposure_s[i];
             (m + t * self.measured[i], s + t * self.simulated[i])
         })
+    }
+
+    /// The measured light of some samples over the simulated: Σ t m / Σ t s; of magnitudes exp of the mean of ln(m/s), each sample with its [`weight`](Self::weight).
+    pub(super) fn quotient(&self, samples: impl Iterator<Item = usize>) -> f64 {
+        if !self.of_magnitudes {
+            let (light, model) = self.sums(samples);
+            return light / model;
+        }
+        let (sum, weight) = samples.fold((0.0, 0.0), |(sum, weight), i| {
+            let own = self.weight(i);
+            (sum + own * (self.measured[i] / self.simulated[i]).ln(), weight + own)
+        });
+        (sum / weight).exp()
+    }
+
+    /// Standard uncertainty of that by the samples' own; `None` where one has none.
+    pub(super) fn sigma_of_quotient(&self, samples: &[usize]) -> Option<f64> {
+        if !self.of_magnitudes {
+            let (_, model) = self.sums(samples.iter().copied());
+            return self.sigma_of_sum(samples.iter().copied()).map(|s| s / model);
+        }
+        let each = samples.iter().map(|i| self.share(*i).map(|share| share.powi(-2)));
+        let weight: f64 = each.sum::<Option<f64>>()?;
+        Some(self.quotient(samples.iter().copied()) / weight.sqrt())
+    }
+
+    /// Standard uncertainty of a sample as a share of it; `None` where none is known.
+    fn share(&self, i: usize) -> Option<f64> {
+        let share = self.sigma[i] / self.measured[i];
+        (share.is_finite() && share > 0.0).then_some(share)
+    }
+
+    /// The difference of a sample from the simulation at a scale: m − a·s, or ln(m/(a·s)).
+    fn residual(&self, i: usize, scale: f64) -> f64 {
+        match self.of_magnitudes {
+            true => (self.measured[i] / (scale * self.simulated[i])).ln(),
+            false => self.measured[i] - scale * self.simulated[i],
+        }
+    }
+
+    /// The sample's own standard uncertainty, as [`residual`](Self::residual) has it.
+    fn noise(&self, i: usize) -> f64 {
+        match self.of_magnitudes {
+            true => self.sigma[i] / self.measured[i],
+            false => self.sigma[i],
+        }
+    }
+
+    /// All of the simulated light, as [`residual`](Self::residual) has a share of it.
+    fn unit(&self, i: usize, scale: f64) -> f64 {
+        if self.of_magnitudes { 1.0 } else { scale * self.simulated[i] }
+    }
+
+    /// An error of the simulated light, as [`residual`](Self::residual) has it.
+    fn error(&self, i: usize, of: &[f64], scale: f64) -> f64 {
+        match self.of_magnitudes {
+            true => of[i] / self.simulated[i],
+            false => scale.abs() * of[i],
+        }
+    }
+
+    /// The weight of a sample in a mean: its light t s; of magnitudes its uncertainty to the power −2, or 1 where none is known.
+    fn weight(&self, i: usize) -> f64 {
+        match self.of_magnitudes {
+            true => self.share(i).map_or(1.0, |share| share.powi(-2)),
+            false => self.exposure_s[i] * self.simulated[i].max(0.0),
+        }
     }
 
     /// √(Σ t² σ²) of some samples; `None` where one has no σ.
@@ -254,52 +329,52 @@ impl Given<'_> {
 impl Numbers {
     fn of(given: &Given<'_>, used: &[bool], blocks: &Blocks) -> Option<Self> {
         let picked: Vec<usize> = (0..used.len()).filter(|i| used[*i]).collect();
-        let (light, model) = given.sums(picked.iter().copied());
+        let (_, model) = given.sums(picked.iter().copied());
         if picked.is_empty() || model.is_nan() || model <= 0.0 {
             return None;
         }
-        let scale = light / model;
-        let jackknifed = jackknife(blocks, &picked, &|left| {
-            let (light, model) = given.sums(left);
-            light / model
-        });
+        let scale = given.quotient(picked.iter().copied());
+        let jackknifed = jackknife(blocks, &picked, &|left| given.quotient(left));
         let ratios: Vec<(f64, f64)> = picked
             .iter()
             .filter(|i| given.simulated[**i] > 0.0)
             .map(|i| {
                 let s = given.simulated[*i];
-                (given.measured[*i] / s, given.exposure_s[*i] * s)
+                (given.measured[*i] / s, given.weight(*i))
             })
             .collect();
         let at = |p: f64| weighted_quantile(&ratios, p);
         let root = |f: &dyn Fn(usize) -> f64| {
-            let t = |i: &usize| given.exposure_s[*i];
+            let t = |i: &usize| if given.of_magnitudes { 1.0 } else { given.exposure_s[*i] };
             let square: f64 = picked.iter().map(|i| t(i) * f(*i).powi(2)).sum();
-            let of: f64 = picked.iter().map(|i| t(i) * (scale * given.simulated[*i]).powi(2)).sum();
+            let of: f64 = picked.iter().map(|i| t(i) * given.unit(*i, scale).powi(2)).sum();
             (square / of).sqrt()
         };
         let has_sigma = picked.iter().all(|i| given.sigma[*i].is_finite());
         Some(Self {
             samples: picked.len(),
             scale,
-            scale_sigma: given.sigma_of_sum(picked.iter().copied()).map(|s| s / model),
+            scale_sigma: given.sigma_of_quotient(&picked),
             scale_sigma_blocks: jackknifed,
             blocks: effective(given, &picked, blocks),
             common_sigma: given.common_sigma,
             median: at(0.5),
             scatter: 0.5 * (at(0.5 + 0.5 * CENTRAL) - at(0.5 - 0.5 * CENTRAL)) / scale.abs(),
-            rms: root(&|i| given.measured[i] - scale * given.simulated[i]),
-            noise: has_sigma.then(|| root(&|i| given.sigma[i])),
-            twinkling: given.twinkling.map(|v| root(&|i| v[i].sqrt() * scale * given.simulated[i])),
+            rms: root(&|i| given.residual(i, scale)),
+            noise: has_sigma.then(|| root(&|i| given.noise(i))),
+            twinkling: given.twinkling.map(|v| root(&|i| v[i].sqrt() * given.unit(i, scale))),
             stated: relative_error(given, &picked, given.model_error),
             material: given.material.map(|half| {
                 let (median, largest) = relative_error(given, &picked, half);
-                let all: f64 = picked
-                    .iter()
-                    .filter(|i| half[**i].is_finite())
-                    .map(|i| given.exposure_s[*i] * half[*i])
-                    .sum();
-                MaterialBudget { median, largest, of_scale: all / model }
+                let doubtful = picked.iter().filter(|i| half[**i].is_finite());
+                let of_scale = if given.of_magnitudes {
+                    let all: f64 = picked.iter().map(|i| given.weight(*i)).sum();
+                    let part = |i: &usize| given.weight(*i) * half[*i] / given.simulated[*i];
+                    doubtful.map(part).sum::<f64>() / all
+                } else {
+                    doubtful.map(|i| given.exposure_s[*i] * half[*i]).sum::<f64>() / model
+                };
+                MaterialBudget { median, largest, of_scale }
             }),
             magnitudes: magnitudes(given, &picked),
             chi2: chi2(given, &picked, scale),
@@ -337,7 +412,7 @@ impl Numbers {
 fn effective(given: &Given<'_>, picked: &[usize], blocks: &Blocks) -> usize {
     let mut light = vec![0.0; blocks.count()];
     for i in picked {
-        light[blocks.of(*i)] += given.exposure_s[*i] * given.simulated[*i].max(0.0);
+        light[blocks.of(*i)] += given.weight(*i);
     }
     let (sum, squares) = light.iter().fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
     // From 1 to the number of blocks.
@@ -383,16 +458,17 @@ fn chi2(given: &Given<'_>, picked: &[usize], scale: f64) -> Option<Chi2> {
         return None;
     }
     let sum = |f: &dyn Fn(usize) -> f64| good.iter().map(|i| f(*i)).sum::<f64>();
-    let residual = |i: usize, a: f64| given.measured[i] - a * given.simulated[i];
-    let variance = |i: usize| given.sigma[i].powi(2);
+    let residual = |i: usize, a: f64| given.residual(i, a);
+    let variance = |i: usize| given.noise(i).powi(2);
     let free = (n - 1) as f64;
     let with_twinkling = given.twinkling.map(|v| {
-        let more = |i: usize| v[i] * (scale * given.simulated[i]).powi(2);
+        let more = |i: usize| v[i] * given.unit(i, scale).powi(2);
         sum(&|i| residual(i, scale).powi(2) / (variance(i) + more(i))) / free
     });
-    let past = |i: usize| (residual(i, scale).abs() - scale.abs() * given.model_error[i]).max(0.0);
+    let error = |i: usize, of: &[f64]| given.error(i, of, scale);
+    let past = |i: usize| (residual(i, scale).abs() - error(i, given.model_error)).max(0.0);
     let past_materials = given.material.map(|half| {
-        let allowed = |i: usize| if half[i].is_finite() { scale.abs() * half[i] } else { 0.0 };
+        let allowed = |i: usize| if half[i].is_finite() { error(i, half) } else { 0.0 };
         sum(&|i| (past(i) - allowed(i)).max(0.0).powi(2) / variance(i)) / free
     });
     Some(Chi2 {

@@ -11,6 +11,9 @@
 //! The *scale* of a channel is all the light that was measured over all that was simulated, Σ t m / Σ t s over the samples with exposures t. It needs no weights:
 //! such by the samples' own σ favour those that came out faint (by 1/N for N photons a sample). Its uncertainty is stated twice: as the samples' own σ make it, and
 //! as blocks of time differ from one another (a jackknife), which knows of twinkling, clouds and a model that is wrong.
+//!
+//! Magnitudes are compared as such: their uncertainties are shares of the light, of which the mean is more than the light (by half the square of the share). There the scale is exp of the mean of
+//! ln(m/s), weighted by the samples' own uncertainties.
 
 mod bins;
 mod blocks;

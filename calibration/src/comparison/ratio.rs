@@ -58,8 +58,7 @@ impl Ratio {
         let quotient = |rows: &mut dyn Iterator<Item = usize>| {
             let rows: Vec<usize> = rows.collect();
             let of = |g: &Given<'_>, c: &Channel| {
-                let (light, model) = g.sums(rows.iter().copied().filter(|i| c.used[*i]));
-                light / model
+                g.quotient(rows.iter().copied().filter(|i| c.used[*i]))
             };
             of(given, channel) / of(other, reference)
         };

@@ -386,6 +386,17 @@ impl Catalogue {
     }
 }
 
+/// The letter of the band that a filter's name says (`V` of `Johnson V` and `bessel_v`, `g` of `SDSS-g`); `None` where it says none.
+///
+/// ```
+/// use sunglint_calibration::field_stars::catalogue::band_letter;
+/// assert_eq!(band_letter("V Bessell"), Some("V"));
+/// assert_eq!(band_letter("Clear"), None);
+/// ```
+pub fn band_letter(filter: &str) -> Option<&'static str> {
+    band_of(filter)?.filters.first().copied()
+}
+
 /// The band of a filter's name: a letter, before or behind the words for whose system it is (`Johnson V`, `V Bessell`, `SDSS-i`).
 fn band_of(filter: &str) -> Option<&'static Band> {
     const OF_JOHNSON: [&str; 4] = ["johnson", "cousins", "bessell", "bessel"];

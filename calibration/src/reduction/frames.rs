@@ -16,6 +16,7 @@ use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::sync_channel;
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
 use sunglint_numerics::measured::Interval;
@@ -27,6 +28,8 @@ use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
 
 /// Settings of a camera whose calibrations are held at a time.
 const SETTINGS: usize = 16;
+/// Frames that were read and wait to be measured at most.
+const WAITING: usize = 4;
 
 /// Results from the frames of a camera.
 #[derive(Debug)]
@@ -284,70 +287,82 @@ pub fn camera_night(
     let most_px = follows_within(&options);
     // Where the target of the present visit was last, on the sensor, and at the first place that was pointed at.
     let mut following = Following::default();
-    for i in by_hand.order(&stay_of) {
-        let file = &files[i];
-        step(progress, 1)?;
-        let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
-            night.outside += 1;
-            continue;
-        };
-        let mut expected =
-            Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
-        let mut refused = by_hand.refused.contains(&i);
-        let measured = match file.read() {
-            Ok(frame) => {
-                let dark = [TargetKind::Dark, TargetKind::Bias].map(Some);
-                if dark.contains(&said_kind(&frame)) {
-                    refused = true;
-                    night.without_light += 1;
+    let on_target = |i: &usize| stay_of[*i].filter(|stay| stays[*stay].target.on);
+    let order = by_hand.order(&stay_of);
+    std::thread::scope(|scope| -> Result<(), ReduceError> {
+        let (sender, ahead) = sync_channel(WAITING);
+        let wanted: Vec<&FrameFile> =
+            order.iter().filter(|i| on_target(i).is_some()).map(|i| &files[*i]).collect();
+        // One thread reads while another measures. After a failure nobody waits for frames any more.
+        scope.spawn(move || wanted.iter().try_for_each(|file| sender.send(file.read())));
+        for &i in &order {
+            let file = &files[i];
+            step(progress, 1)?;
+            let Some(stay) = on_target(&i) else {
+                night.outside += 1;
+                continue;
+            };
+            let mut expected =
+                Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
+            let mut refused = by_hand.refused.contains(&i);
+            let read = ahead.recv().unwrap_or_else(|_| file.read());
+            let measured = match read {
+                Ok(frame) => {
+                    let dark = [TargetKind::Dark, TargetKind::Bias].map(Some);
+                    if dark.contains(&said_kind(&frame)) {
+                        refused = true;
+                        night.without_light += 1;
+                    }
+                    let within_px = by_hand.first.get(&stay).map(|first| {
+                        let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
+                        let place =
+                            following.place(stay, i < *first, by_hand.places.get(&i), placed);
+                        expected.place_px = place.map(DVec2::from);
+                        most_px
+                    });
+                    let how = match refused {
+                        true => Measuring::Refused,
+                        false => Measuring::Around(&expected, within_px),
+                    };
+                    match reducers.measure(&frame, stay, night.fwhm_px[stay], how)? {
+                        Ok(measured) => Ok((frame, measured)),
+                        Err(error) => Err(error.to_string()),
+                    }
                 }
-                let within_px = by_hand.first.get(&stay).map(|first| {
-                    let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
-                    let place = following.place(stay, i < *first, by_hand.places.get(&i), placed);
-                    expected.place_px = place.map(DVec2::from);
-                    most_px
-                });
-                let how = match refused {
-                    true => Measuring::Refused,
-                    false => Measuring::Around(&expected, within_px),
-                };
-                match reducers.measure(&frame, stay, night.fwhm_px[stay], how)? {
-                    Ok(measured) => Ok((frame, measured)),
-                    Err(error) => Err(error.to_string()),
-                }
+                Err(error) => Err(error.to_string()),
+            };
+            if let Ok((_, FrameMeasurement { track, .. })) = &measured
+                && let Some(place) = &track.place
+            {
+                following.last_px = Some(place.offset_px.to_array());
             }
-            Err(error) => Err(error.to_string()),
-        };
-        if let Ok((_, FrameMeasurement { track, .. })) = &measured
-            && let Some(place) = &track.place
-        {
-            following.last_px = Some(place.offset_px.to_array());
-        }
-        match measured {
-            Ok((frame, mut measured)) => {
-                if frame.header.get(SHARED).is_some() {
-                    night.shared += 1;
-                    measured.planes.iter_mut().for_each(|plane| plane.flags |= Flags::SHARED);
+            match measured {
+                Ok((frame, mut measured)) => {
+                    if frame.header.get(SHARED).is_some() {
+                        night.shared += 1;
+                        measured.planes.iter_mut().for_each(|plane| plane.flags |= Flags::SHARED);
+                    }
+                    let end = frame.start + frame.exposure_s * Unit::Second;
+                    if end > stays[stay].to {
+                        night.partly += 1;
+                        off_target(&mut measured);
+                    } else if !refused {
+                        night.tracks[stay].points.push(measured.track);
+                    }
+                    // Spread over the stay, so that a figure shows its course.
+                    let due = night.shown[stay].len() < SHOWN;
+                    if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
+                        night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
+                    }
+                    let setting = reducers.setting(&Taken::of(&frame));
+                    rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
                 }
-                let end = frame.start + frame.exposure_s * Unit::Second;
-                if end > stays[stay].to {
-                    night.partly += 1;
-                    off_target(&mut measured);
-                } else if !refused {
-                    night.tracks[stay].points.push(measured.track);
-                }
-                // Spread over the stay, so that a figure shows its course.
-                let due = night.shown[stay].len() < SHOWN;
-                if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
-                    night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
-                }
-                let setting = reducers.setting(&Taken::of(&frame));
-                rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
+                Err(error) => failed.push((file.clone(), error)),
             }
-            Err(error) => failed.push((file.clone(), error)),
+            seen[stay] += 1;
         }
-        seen[stay] += 1;
-    }
+        Ok(())
+    })?;
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
         night.wings[stay] = wings_of(&mut rows, &files, how, night.fwhm_px[stay], &mut reducers)?;

@@ -4,25 +4,8 @@ use std::path::PathBuf;
 use sunglint_calibration::comparison::ComparisonError;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::light_curve::RateKind;
+use sunglint_radiometry::light_curve::published::PublishedError;
 use sunglint_simulator::pass::PassError;
-
-/// Which column a table of magnitudes lacks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MissingColumn {
-    /// That of the times.
-    Times,
-    /// That of the magnitudes.
-    Magnitudes,
-    /// That of their standard uncertainties.
-    Sigma,
-}
-
-fn hint(column: MissingColumn) -> &'static str {
-    match column {
-        MissingColumn::Times => " (a light curve of `sunglint apply` has them)",
-        MissingColumn::Magnitudes | MissingColumn::Sigma => "",
-    }
-}
 
 fn advice(kind: RateKind) -> &'static str {
     match kind {
@@ -43,14 +26,9 @@ pub enum CompareError {
     /// A file that is not what it should be.
     #[error(transparent)]
     Parse(#[from] ParseError),
-    /// A table that lacks a column, and has none of a similar name.
-    #[error("{error}{}", hint(*.column))]
-    NoColumn {
-        /// Which.
-        column: MissingColumn,
-        /// The names that are there, and the one that was looked for.
-        error: Box<ParseError>,
-    },
+    /// A file that is no curve.
+    #[error(transparent)]
+    Published(#[from] PublishedError),
     /// Magnitudes whose zero point nobody knows.
     #[error(
         "{}: its magnitudes are differences from comparison stars: without a zero point they cannot be compared with a model",
@@ -75,14 +53,6 @@ pub enum CompareError {
         path: PathBuf,
         /// Kind of the curve's rates.
         kind: RateKind,
-    },
-    /// A column of magnitudes without any.
-    #[error("{}: the column {column} has no number", path.display())]
-    NoNumber {
-        /// The measured file.
-        path: PathBuf,
-        /// The column.
-        column: String,
     },
     /// An exposure that is none.
     #[error("{}: exposure_s, row {row}: expected a time above 0 s", path.display())]

@@ -1,16 +1,20 @@
 //! Measured data: a calibrated light curve, or a table of magnitudes.
 
-use super::{CompareError, Kappa, MissingColumn};
+use super::{CompareError, Kappa};
+use crate::measured::of_v;
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
-use sunglint_formats::photometry::{self, ColumnNames, ColumnTimes, Photometry, Source};
+use sunglint_formats::Table;
 use sunglint_formats::time::tai_nanoseconds;
-use sunglint_formats::{ParseError, Table, nearest_names};
-use sunglint_radiometry::light_curve::published::MagnitudeKind;
+use sunglint_radiometry::light_curve::published::{
+    Brightness, CurveFile, MagnitudeKind, MagnitudeOptions, ObjectRows,
+};
 use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{ChannelSamples, MaterialDoubt, Simulation, StandardMagnitude};
+use sunglint_simulator::pass::{
+    ChannelSamples, MaterialDoubt, Pass, Simulation, StandardMagnitude,
+};
 
 /// The place of V among the bands.
 const V: usize = 2;
@@ -25,15 +29,6 @@ fn simulated(kind: MagnitudeKind, simulation: &Simulation<'_>) -> Vec<f64> {
         }
         _ => simulation.magnitudes.column(V).to_vec(),
     }
-}
-
-/// How a table of magnitudes is to be read.
-#[derive(Debug, Clone)]
-pub struct MagnitudeColumns {
-    /// Which columns hold times, magnitudes and their standard uncertainties.
-    pub names: ColumnNames,
-    /// Kind of the magnitudes.
-    pub compared_as: MagnitudeKind,
 }
 
 /// Quantity of a curve's values.
@@ -83,6 +78,8 @@ pub struct MeasuredPass {
     pub inputs: Vec<Input>,
     /// Notes in the file about the curve.
     pub notes: Vec<String>,
+    /// What reading magnitudes showed, in words: rows that were left out, uncertainties that there are none.
+    pub warnings: Vec<String>,
     /// Place of each sample in its file, from 0: samples are in the order of time.
     pub file_rows: Vec<usize>,
     /// Rows of the file that said what another said, and were left out.
@@ -90,38 +87,37 @@ pub struct MeasuredPass {
 }
 
 impl MeasuredPass {
-    /// Reads a measurement: a light curve of the schema (ECSV with `quantity`), a table (ECSV, CSV) with times and magnitudes, or a format of [`photometry`] (MMT-9, ALCDEF, TDM); rows in any
-    /// order.
+    /// Reads what was measured of a scene: calibrated rates of the schema, or magnitudes in V in any format of
+    /// [`CurveFile`]; rows in any order. Magnitudes stay of their kind. Rows of several objects are an error, unless one is named or the scene has a place for each row.
     ///
     /// # Errors
-    /// A file that is none of them, rates that are not calibrated, no sample.
-    pub fn read(path: &Path, columns: &MagnitudeColumns) -> Result<Self, CompareError> {
+    /// A file that is none of them, rates that are not calibrated, magnitudes without a zero point, no sample.
+    pub fn read(
+        path: &Path,
+        magnitudes: &MagnitudeOptions,
+        scene: &Pass,
+    ) -> Result<Self, CompareError> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
             Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
-        let mut measured = match photometry::open(path, bytes)? {
-            Source::Samples(_, read) => Self::photometry(path, input, *read, columns)?,
-            Source::Table(_, table) => Self::table(path, input, &table, columns)?,
+        let mut options = MagnitudeOptions { as_written: true, ..magnitudes.clone() };
+        if !scene.observations.is_empty() && options.rows == ObjectRows::One {
+            options.rows = ObjectRows::All;
+        }
+        let measured = match CurveFile::read(path, bytes, &options)? {
+            CurveFile::Magnitudes(read) => Self::magnitudes(path, input, *read, options.kind)?,
+            CurveFile::Rates(table) => {
+                let mut measured = Self::rates(path, input, &table)?;
+                measured.sort();
+                measured.drop_doubled();
+                measured
+            }
         };
-        measured.sort();
-        measured.drop_doubled();
+        measured.exposures()?;
         sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
             CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
         })?;
         Ok(measured)
-    }
-
-    fn table(
-        path: &Path,
-        input: Input,
-        table: &Table,
-        columns: &MagnitudeColumns,
-    ) -> Result<Self, CompareError> {
-        if table.meta_text("quantity").is_some() {
-            Self::rates(path, input, table)
-        } else {
-            Self::magnitudes(path, input, table, columns)
-        }
     }
 
     /// Puts the samples in the order of time; those of one moment in the order of their values, so that the order of a file's rows never matters.
@@ -185,42 +181,6 @@ impl MeasuredPass {
         self.doubled = doubled;
     }
 
-    /// Magnitudes that another program wrote.
-    fn photometry(
-        path: &Path,
-        input: Input,
-        read: Photometry,
-        columns: &MagnitudeColumns,
-    ) -> Result<Self, CompareError> {
-        if read.is_relative {
-            return Err(CompareError::Relative { path: path.to_path_buf() });
-        }
-        let magnitude = match (columns.compared_as, read.standard) {
-            (MagnitudeKind::Standard, Some(standard)) => standard,
-            _ => read.magnitude,
-        };
-        let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
-        let to_relative = std::f64::consts::LN_10 / 2.5;
-        let sigma_mag = read.sigma_mag.unwrap_or_else(|| vec![f64::NAN; value.len()]);
-        let sigma = sigma_mag.iter().zip(&value).map(|(s, f)| to_relative * s * f).collect();
-        let flags = vec![Flags::empty(); value.len()];
-        Ok(Self {
-            path: path.to_path_buf(),
-            input,
-            quantity: Quantity::Flux(columns.compared_as),
-            times: read.time,
-            exposure_s: read.exposure_s,
-            channels: vec![MeasuredChannel { name: "magnitude".into(), value, sigma, flags }],
-            kappa: None,
-            target: read.target,
-            station: String::new(),
-            inputs: Vec::new(),
-            notes: read.notes,
-            file_rows: Vec::new(),
-            doubled: 0,
-        })
-    }
-
     fn rates(path: &Path, input: Input, table: &Table) -> Result<Self, CompareError> {
         let curve = LightCurve::from_table(path, table)?;
         if curve.kind != RateKind::Calibrated {
@@ -238,6 +198,7 @@ impl MeasuredPass {
             station: curve.provenance.station.clone(),
             inputs: curve.provenance.inputs.clone(),
             notes: curve.provenance.notes.clone(),
+            warnings: Vec::new(),
             file_rows: Vec::new(),
             doubled: 0,
             times: curve.samples.time,
@@ -258,67 +219,46 @@ impl MeasuredPass {
     fn magnitudes(
         path: &Path,
         input: Input,
-        table: &Table,
-        columns: &MagnitudeColumns,
+        read: Brightness,
+        kind: MagnitudeKind,
     ) -> Result<Self, CompareError> {
-        let names = || table.columns.iter().map(|c| c.name.as_str());
-        let missing = |name: &str, what: &str, column: MissingColumn| {
-            let found = format!("the columns {}", names().collect::<Vec<_>>().join(", "));
-            let error = ParseError::new(path, found, format!("a column `{name}` of {what}"));
-            let error = error.in_field(name);
-            match nearest_names(name, names(), 1).first() {
-                Some(near) => CompareError::Parse(error.with_hint(format!("is it `{near}`?"))),
-                None => CompareError::NoColumn { column, error: Box::new(error) },
-            }
-        };
-        let Some(read) = photometry::column_times(path, table, &columns.names)? else {
-            return Err(missing("time_utc", "times, ISO 8601", MissingColumn::Times));
-        };
-        let ColumnTimes { time: times, notes } = read;
-        let asked = columns.names.magnitude.as_deref().unwrap_or("magnitude");
-        let Some(name) = columns.names.magnitude_of(table) else {
-            return Err(missing(asked, "magnitudes", MissingColumn::Magnitudes));
-        };
-        let numbers = |name: &str, which: MissingColumn| {
-            let numbers = table.f64(name);
-            numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", which))
-        };
-        let magnitude = numbers(name, MissingColumn::Magnitudes)?;
-        if !magnitude.iter().any(|m| m.is_finite()) {
-            return Err(CompareError::NoNumber {
-                path: path.to_path_buf(),
-                column: name.to_owned(),
-            });
+        if read.is_relative {
+            return Err(CompareError::Relative { path: path.to_path_buf() });
         }
-        let sigma_mag = match (columns.names.sigma_of(table, false), &columns.names.sigma) {
-            (Some(name), _) => numbers(name, MissingColumn::Sigma)?,
-            (None, Some(asked)) => return Err(missing(asked, "magnitudes", MissingColumn::Sigma)),
-            (None, None) => vec![f64::NAN; times.len()],
-        };
-        let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
-        let to_relative = std::f64::consts::LN_10 / 2.5;
-        let sigma = sigma_mag.iter().zip(&value).map(|(s, f)| to_relative * s * f).collect();
-        let exposure_s = table.quantity("exposure_s", "s").ok().map(|v| v.into_owned());
-        if let Some(i) = exposure_s.iter().flatten().position(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(CompareError::Exposure { path: path.to_path_buf(), row: i + 1 });
+        let of_v = of_v(read.labels.as_deref());
+        let mut flags = vec![Flags::empty(); read.times.len()];
+        for (flags, used) in flags.iter_mut().zip(&of_v.used) {
+            flags.set(Flags::NOT_SAMPLED, !used);
         }
-        let flags = vec![Flags::empty(); times.len()];
-        let name = name.to_owned();
+        let sigma = read.share.iter().zip(&read.flux).map(|(share, flux)| share * flux).collect();
+        let warnings = read.notes.into_iter().chain(of_v.note).collect();
         Ok(Self {
             path: path.to_path_buf(),
             input,
-            quantity: Quantity::Flux(columns.compared_as),
-            times,
-            exposure_s,
-            channels: vec![MeasuredChannel { name, value, sigma, flags }],
+            quantity: Quantity::Flux(kind),
+            times: read.times,
+            exposure_s: read.is_exposure_known.then_some(read.exposure_s),
+            channels: vec![MeasuredChannel { name: read.column, value: read.flux, sigma, flags }],
             kappa: None,
-            target: String::new(),
+            target: read.target,
             station: String::new(),
             inputs: Vec::new(),
-            notes,
-            file_rows: Vec::new(),
+            notes: Vec::new(),
+            warnings,
+            file_rows: read.file_rows,
+            // Told in the notes.
             doubled: 0,
         })
+    }
+
+    fn exposures(&self) -> Result<(), CompareError> {
+        let bad = |s: &f64| !(s.is_finite() && *s > 0.0);
+        match self.exposure_s.iter().flatten().position(bad) {
+            Some(i) => {
+                Err(CompareError::Exposure { path: self.path.clone(), row: self.file_rows[i] + 1 })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Keeps the channels of some names; all where none is given.

@@ -9,19 +9,15 @@
 //!
 //! ```no_run
 //! use std::path::Path;
-//! use sunglint_formats::photometry::ColumnNames;
-//! use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
+//! use sunglint_inference::compare::{MeasuredPass, at_measured_times, compare};
 //! use sunglint_numerics::progress::Silent;
-//! use sunglint_radiometry::light_curve::published::MagnitudeKind;
+//! use sunglint_radiometry::light_curve::published::MagnitudeOptions;
 //! use sunglint_simulator::pass::{Overrides, PassFile};
 //!
-//! // Of a table of magnitudes; a calibrated curve needs none of it.
-//! let columns = MagnitudeColumns {
-//!     names: ColumnNames::default(),
-//!     compared_as: MagnitudeKind::Apparent,
-//! };
-//! let mut measured = MeasuredPass::read(Path::new("calibrated.ecsv"), &columns)?;
 //! let scene = PassFile::read("pass.toml")?.resolve(Overrides::default())?;
+//! // The options are for magnitudes; a calibrated curve needs none of them.
+//! let options = MagnitudeOptions::default();
+//! let mut measured = MeasuredPass::read(Path::new("calibrated.ecsv"), &options, &scene)?;
 //! measured.keep(&["g".to_owned()], &scene.station)?;
 //! let scene = at_measured_times(scene, &measured)?;
 //! let compared = compare(&scene, measured, &Silent)?;
@@ -35,9 +31,9 @@ mod error;
 mod kappa;
 mod measured;
 
-pub use error::{CompareError, MissingColumn};
+pub use error::CompareError;
 pub use kappa::{Kappa, KappaRow};
-pub use measured::{MagnitudeColumns, MeasuredChannel, MeasuredPass, Quantity, magnitude};
+pub use measured::{MeasuredChannel, MeasuredPass, Quantity, magnitude};
 
 use crate::progress::Stages;
 use hifitime::Epoch;
@@ -270,6 +266,7 @@ impl<'a> Comparison<'a> {
                     .kappa
                     .as_ref()
                     .and_then(|k| Some(k.row(&channel.name)?.relative_sigma)),
+                of_magnitudes: measured.quantity != Quantity::Rate,
             })
             .collect();
         let channels: Vec<Channel> = given.iter().map(|g| Channel::new(g, &blocks)).collect();
@@ -432,6 +429,7 @@ fn warnings(
             measured.doubled
         ));
     }
+    warnings.extend(measured.warnings.iter().cloned());
     let outside = measured.times.len() - simulated;
     if outside > 0 {
         warnings.push(format!(

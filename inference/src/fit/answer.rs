@@ -273,12 +273,14 @@ impl CurveFit {
         thinned: Option<Thinned>,
     ) -> Self {
         let places = study.places();
+        // Of magnitudes the data are what their noise leaves in the mean; people look at what was measured.
+        let rate = if measured.magnitudes { &measured.rate } else { &data.rate };
         let tracks = measured.tracks.iter().map(|(from, noise, samples)| {
             let start = measured.times.iter().position(|t| t == from).unwrap_or(0);
             let within = start..(start + samples).min(measured.times.len());
             let left: Vec<f64> = within
-                .filter(|i| data.used[[*i, 0]] && data.rate[[*i, 0]] > 0.0)
-                .map(|i| -2.5 * (data.rate[[i, 0]] / model.model[[i, 0]]).log10())
+                .filter(|i| data.used[[*i, 0]] && rate[[*i, 0]] > 0.0)
+                .map(|i| -2.5 * (rate[[i, 0]] / model.model[[i, 0]]).log10())
                 .filter(|d| d.is_finite())
                 .collect();
             let n = left.len() as f64;
@@ -305,7 +307,7 @@ impl CurveFit {
             zenith_deg: places.iter().map(|p| p.geometry.zenith_deg()).collect(),
             range_m: places.iter().map(|p| p.geometry.range_m).collect(),
             airmass: airmasses(study),
-            rate: data.rate.clone(),
+            rate: rate.clone(),
             sigma: data.sigma.clone(),
             used: data.used.clone(),
             model: model.clone(),

@@ -417,7 +417,8 @@ fn fit_without(
     let channels = channels(curves, &studies, &options.channels)?;
     let (mut data, mut left_out) = (Vec::new(), Vec::new());
     for (curve, study) in curves.iter().zip(&studies) {
-        let (own, lost) = prepared(&curve.measured, study, &channels, options.scintillation)?;
+        let (mut own, lost) = prepared(&curve.measured, study, &channels, options.scintillation)?;
+        own.in_the_mean();
         left_out.push(lost);
         data.push(own);
     }

@@ -70,9 +70,14 @@ impl MeasuredCurve {
 
     fn of_magnitudes(path: &Path, curve: &Brightness) -> Self {
         let shape = (curve.times.len(), 1);
-        let used = Array2::from_shape_fn(shape, |(i, _)| curve.is_used(i));
-        let lost = used.iter().filter(|u| !**u).count();
-        let left_out = (lost > 0).then(|| ("no number".to_owned(), lost));
+        let of_v = super::of_v(curve.labels.as_deref());
+        let in_v = |i: usize| of_v.used.get(i).copied().unwrap_or(true);
+        let used = Array2::from_shape_fn(shape, |(i, _)| curve.is_used(i) && in_v(i));
+        let mut left_out = BTreeMap::new();
+        for i in (0..curve.times.len()).filter(|i| !used[[*i, 0]]) {
+            let why = if in_v(i) { "no number" } else { "another filter than V" };
+            *left_out.entry(why.to_owned()).or_default() += 1;
+        }
         Self {
             path: path.to_path_buf(),
             times: curve.times.clone(),
@@ -83,13 +88,13 @@ impl MeasuredCurve {
             share: Some(Array2::from_shape_fn(shape, |(i, _)| curve.share[i])),
             is_exposure_known: curve.is_exposure_known,
             used,
-            left_out: left_out.into_iter().collect(),
+            left_out,
             calibration: None,
             magnitudes: true,
             tracks: curve.tracks.clone(),
             cameras: curve.cameras.clone(),
             file_rows: curve.file_rows.clone(),
-            warnings: curve.notes.clone(),
+            warnings: curve.notes.iter().cloned().chain(of_v.note).collect(),
         }
     }
 
@@ -160,6 +165,14 @@ impl MeasuredCurve {
             file_rows: (0..curve.len()).collect(),
             warnings,
         })
+    }
+
+    /// Whether two curves hold the same samples: times and light of every channel.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let bits = |curve: &Self| curve.rate.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        (self.magnitudes, &self.channels) == (other.magnitudes, &other.channels)
+            && self.times == other.times
+            && bits(self) == bits(other)
     }
 
     /// The file's name without its folders.

@@ -68,6 +68,14 @@ pub enum MeasuredError {
     /// No file at all.
     #[error("neither a curve nor a scene")]
     Nothing,
+    /// The same samples in two files.
+    #[error("{} has the samples that {} has: give them once", path.display(), other.display())]
+    Twice {
+        /// The curve.
+        path: PathBuf,
+        /// The curve before it that has the same.
+        other: PathBuf,
+    },
     /// Curves of both kinds.
     #[error("rates and magnitudes cannot be fitted together: fit each on its own")]
     Mixed,

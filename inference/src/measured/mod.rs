@@ -4,9 +4,11 @@
 //! - [`joined`]: reads both; [`pass_of`]: the pass at the curve's times;
 //! - [`channels`]: which channels are fitted; [`prepared`]: the samples that are, with their noise.
 
+mod band;
 mod curve;
 mod error;
 
+pub(crate) use band::of_v;
 pub use curve::MeasuredCurve;
 pub use error::MeasuredError;
 
@@ -61,6 +63,10 @@ pub fn joined<P: AsRef<Path>>(
         }
         for path in waiting.drain(..) {
             let measured = MeasuredCurve::read(path, &options)?;
+            if let Some(twice) = curves.iter().find(|c| c.measured.is_same(&measured)) {
+                let (path, other) = (path.to_path_buf(), twice.measured.path.clone());
+                return Err(MeasuredError::Twice { path, other });
+            }
             curves.push(CurveOfScene { measured, scene: scene.clone(), station: None });
         }
     }

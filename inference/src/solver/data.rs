@@ -61,6 +61,19 @@ impl Data {
         }
     }
 
+    /// Rates of magnitudes as their noise leaves them in the mean. Noise of σ in a magnitude raises the mean light by exp(s²/2), s = 0.921 σ, and makes its variance exp(s²) − 1 of its square: without
+    /// that, 0.3 mag would make bodies 4 % brighter.
+    pub(crate) fn in_the_mean(&mut self) {
+        let Some(share) = &mut self.share else { return };
+        let each = ndarray::Zip::from(share).and(&mut self.rate).and(&mut self.sigma);
+        each.for_each(|share, rate, sigma| {
+            let mean = (-0.5 * *share * *share).exp();
+            *rate *= mean;
+            *sigma *= mean;
+            *share = (*share * *share).exp_m1().sqrt();
+        });
+    }
+
     /// Epochs.
     pub fn epochs(&self) -> usize {
         self.rate.nrows()

@@ -54,6 +54,20 @@ pub struct MagnitudeOptions {
     pub sigma_mag: Option<f64>,
     /// Rows that are taken of a table of several objects.
     pub rows: ObjectRows,
+    /// Whether magnitudes stay of their kind and have no uncertainty but a stated one: to be set beside simulated magnitudes of that kind.
+    pub as_written: bool,
+}
+
+impl MagnitudeOptions {
+    /// A noise that is none is an error, not another noise.
+    fn check(&self, path: &Path) -> Result<(), PublishedError> {
+        match self.sigma_mag {
+            Some(value) if !(value.is_finite() && value > 0.0) => {
+                Err(PublishedError::Noise { path: path.to_path_buf(), value })
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Why a file is no light curve.
@@ -96,6 +110,24 @@ pub enum PublishedError {
         kind: MagnitudeKind,
         /// The missing column.
         column: &'static str,
+    },
+    /// A noise that is none.
+    #[error("{}: a noise of {value} mag, expected a number above 0", path.display())]
+    Noise {
+        /// The file.
+        path: PathBuf,
+        /// The noise that was asked for, mag.
+        value: f64,
+    },
+    /// A column of uncertainties that the table has not.
+    #[error("{}: no column `{column}` of standard uncertainties; it has {found}", path.display())]
+    NoSigma {
+        /// The file.
+        path: PathBuf,
+        /// The column that was asked for.
+        column: String,
+        /// The columns that are there.
+        found: String,
     },
     /// Magnitudes with the air's extinction in them.
     #[error(
@@ -171,6 +203,7 @@ impl CurveFile {
         bytes: Vec<u8>,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
+        options.check(path)?;
         let objects = |why| PublishedError::Objects { path: path.to_path_buf(), why };
         let table = match photometry::open(path, bytes)? {
             Source::Samples(format, read) => {
@@ -185,13 +218,14 @@ impl CurveFile {
             return Ok(Self::Rates(Box::new(table)));
         }
         let names = &options.columns;
-        let no_curve = || {
+        let found = || {
             let found: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            PublishedError::NoCurve {
-                path: path.to_path_buf(),
-                column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
-                found: found.join(", "),
-            }
+            found.join(", ")
+        };
+        let no_curve = || PublishedError::NoCurve {
+            path: path.to_path_buf(),
+            column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
+            found: found(),
         };
         let (name, is_flux) = match (names.magnitude_of(&table), names.flux_of(&table)) {
             (Some(name), _) => (name, false),
@@ -215,9 +249,13 @@ impl CurveFile {
                 Err(why) => notes.push(why),
             }
         }
-        let mut sigma = match names.sigma_of(&table, is_flux) {
-            Some(name) => Some(table.f64(name)?.into_owned()),
-            None => None,
+        let mut sigma = match (names.sigma_of(&table, is_flux), &names.sigma) {
+            (Some(name), _) => Some(table.f64(name)?.into_owned()),
+            (None, Some(asked)) => {
+                let (path, column) = (path.to_path_buf(), asked.clone());
+                return Err(PublishedError::NoSigma { path, column, found: found() });
+            }
+            (None, None) => None,
         };
         if is_flux {
             // Fluxes in any unit: their magnitudes have a zero point of their own.
@@ -251,6 +289,7 @@ impl CurveFile {
         }
         let mut brightness = Brightness::of_rows(path, rows.kept(&keep), options)?;
         brightness.is_relative = is_flux;
+        brightness.column = name.to_owned();
         notes.append(&mut brightness.notes);
         brightness.notes = notes;
         Ok(Self::Magnitudes(Box::new(brightness)))
@@ -275,6 +314,12 @@ pub struct Brightness {
     pub exposure_s: Vec<f64>,
     /// Whether the file says the exposures.
     pub is_exposure_known: bool,
+    /// Name of the column of magnitudes or fluxes; `magnitude` in files that have no such names.
+    pub column: String,
+    /// Name of the target, as the file has it; may be empty.
+    pub target: String,
+    /// Rows of the file that said what another said, and were left out.
+    pub doubled: usize,
     /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
     pub flux: Vec<f64>,
     /// Standard uncertainty of the flux: [`Brightness::share`] of the track's brightness about each sample.
@@ -349,6 +394,10 @@ impl Brightness {
         };
         let mut curve = Self::of_rows(path, rows, options)?;
         curve.is_relative = read.is_relative;
+        curve.column = "magnitude".into();
+        curve.target = read.target;
+        let own = std::mem::replace(&mut curve.notes, read.notes);
+        curve.notes.extend(own);
         Ok(curve)
     }
 
@@ -375,6 +424,7 @@ impl Brightness {
             column,
         };
         let apparent: Vec<f64> = match options.kind {
+            _ if options.as_written => rows.magnitudes.clone(),
             MagnitudeKind::Apparent => rows.magnitudes.clone(),
             MagnitudeKind::Ground => {
                 return Err(PublishedError::Ground { path: path.to_path_buf() });
@@ -396,6 +446,7 @@ impl Brightness {
         let tracks = tracks(&rows.times, rows.labels.as_deref());
         let mut sigma_mag = vec![f64::NAN; n];
         let mut noise = Vec::new();
+        let mut unstated = 0;
         // Samples of one moment are often one sample twice: they show no noise.
         let values = |track: &[usize]| -> Vec<f64> {
             let doubled = |k: usize| k > 0 && rows.times[track[k]] == rows.times[track[k - 1]];
@@ -407,13 +458,23 @@ impl Brightness {
             noise_of_steps(steps.collect())
         });
         for track in &tracks {
-            let white = white_noise(&values(track)).or(of_all);
+            let white = white_noise(&values(track)).or(of_all).filter(|_| !options.as_written);
             let own = options.sigma_mag.or(white);
             for i in track {
-                let stated = rows.sigma.as_ref().map(|s| s[*i]).filter(|s| *s > 0.0);
+                let stated =
+                    rows.sigma.as_ref().map(|s| s[*i]).filter(|s| *s > 0.0 && s.is_finite());
+                unstated += usize::from(stated.is_none());
                 sigma_mag[*i] = stated.or(own).unwrap_or(f64::NAN);
             }
             noise.push((rows.times[track[0]], own.unwrap_or(f64::NAN), track.len()));
+        }
+        if rows.sigma.is_some() && unstated > 0 {
+            let instead = match (options.sigma_mag, options.as_written) {
+                (Some(noise), _) => format!(": {noise} mag counts for them"),
+                (None, true) => String::new(),
+                (None, false) => ": the noise of their track counts for them".into(),
+            };
+            notes.push(format!("{unstated} of {n} samples have no uncertainty above 0{instead}"));
         }
         let flux: Vec<f64> = apparent.iter().map(|m| 10_f64.powf(-0.4 * m)).collect();
         // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
@@ -443,10 +504,17 @@ impl Brightness {
             is_relative: false,
             is_far: false,
             is_exposure_known,
+            column: String::new(),
+            target: String::new(),
+            doubled: n_doubled,
             notes,
             file_rows: rows.file_rows,
         };
-        if !(0..n).any(|i| curve.is_used(i)) {
+        let counts = |i: usize| match options.as_written {
+            true => curve.flux[i].is_finite(),
+            false => curve.is_used(i),
+        };
+        if !(0..n).any(counts) {
             let numbers: Vec<f64> = apparent.iter().copied().filter(|m| m.is_finite()).collect();
             let own = |t: &Vec<usize>| {
                 1 + t.windows(2).filter(|p| curve.times[p[0]] != curve.times[p[1]]).count()
