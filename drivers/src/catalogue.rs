@@ -25,6 +25,7 @@ mod address;
 mod alpaca;
 mod any;
 mod apt;
+mod elliptec;
 mod indi;
 mod inventory;
 mod line;
@@ -51,10 +52,11 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 26] = [
+pub static DRIVERS: [&Driver; 28] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
+    &elliptec::ELLIPTEC,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
@@ -72,6 +74,7 @@ pub static DRIVERS: [&Driver; 26] = [
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
     &apt::SIM_APT,
+    &elliptec::SIM_ELLIPTEC,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

@@ -8,8 +8,10 @@
 
 pub mod apt;
 pub mod efw;
+pub mod elliptec;
 pub mod indi;
 pub mod line;
+mod motor;
 pub mod ophir;
 pub mod pm100;
 pub mod power;

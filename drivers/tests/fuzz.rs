@@ -6,6 +6,8 @@ use sunglint_testkit::Fuzz;
 mod alpaca;
 #[path = "../fuzz/targets/apt.rs"]
 mod apt;
+#[path = "../fuzz/targets/elliptec.rs"]
+mod elliptec;
 #[path = "../fuzz/targets/indi.rs"]
 mod indi;
 #[path = "../fuzz/targets/ophir.rs"]
@@ -27,9 +29,10 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 9] = [
+    let targets: [Target; 10] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
+        ("elliptec", &["fixtures/elliptec"], elliptec::run),
         ("indi", &[], indi::run),
         ("ophir", &[], ophir::run),
         ("ptu", &[], ptu::run),

@@ -10,6 +10,8 @@ mod catalogue;
 mod common;
 mod efw_fixtures;
 mod efw_wheel;
+mod elliptec_peer;
+mod elliptec_stage;
 mod focuser_live;
 mod fuzz;
 mod indi_faults;
