@@ -36,6 +36,7 @@ mod plugged;
 mod swabian;
 mod trinamic;
 pub mod udev;
+mod zaber;
 mod zwo;
 
 pub use address::{Address, AddressError};
@@ -52,11 +53,12 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 28] = [
+pub static DRIVERS: [&Driver; 30] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
     &elliptec::ELLIPTEC,
+    &zaber::ZABER,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
@@ -75,6 +77,7 @@ pub static DRIVERS: [&Driver; 28] = [
     &trinamic::SIM_TMCL,
     &apt::SIM_APT,
     &elliptec::SIM_ELLIPTEC,
+    &zaber::SIM_ZABER,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

@@ -15,6 +15,7 @@
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; rotation stages on the [APT](thorlabs::apt) and
 //!   [Elliptec](thorlabs::elliptec) protocols;
+//! - [`zaber`]: rotation stages on Zaber's ASCII protocol;
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an Elliptec mount, an INDI server, both kinds of power
@@ -73,4 +74,5 @@ pub mod transport;
 pub mod trinamic;
 pub mod turning;
 mod twice;
+pub mod zaber;
 pub mod zwo;

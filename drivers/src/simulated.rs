@@ -19,6 +19,7 @@ pub mod script;
 pub mod served;
 pub mod swabian;
 pub mod tmcl;
+pub mod zaber;
 
 pub use line::{InMemory, Speaker, bridge, serve};
 pub use power::{PowerSource, Steady};

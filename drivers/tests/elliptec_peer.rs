@@ -46,7 +46,7 @@ controller.close_connection()
     let (printed, mount) = run(&python, script, ElliptecSettings::default());
     assert_eq!(
         printed,
-        "14 11400519 360 143360\n0.0\n90.0 90.0\n10.4992 -9.4997\n['0', 'GS', '0']\n"
+        "14 11400519 360 143360\n0.0\n90.0 90.0\n10.4992 -9.4997\n('0', 'GS', '0')\n"
     );
     // 4181 − 7964 pulses.
     assert_eq!(mount.place() + 35_840, -3_783);

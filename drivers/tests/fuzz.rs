@@ -20,6 +20,8 @@ mod recording;
 mod swabian;
 #[path = "../fuzz/targets/thorlabs.rs"]
 mod thorlabs;
+#[path = "../fuzz/targets/zaber.rs"]
+mod zaber;
 #[path = "../fuzz/targets/zwo.rs"]
 mod zwo;
 
@@ -29,7 +31,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 10] = [
+    let targets: [Target; 11] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
@@ -39,6 +41,7 @@ fn campaign_fuzz() {
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
+        ("zaber", &["fixtures/zaber"], zaber::run),
         ("zwo", &[], zwo::run),
     ];
     for (name, folders, target) in targets {

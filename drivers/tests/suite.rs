@@ -46,3 +46,5 @@ mod tmcl_stage;
 mod transports;
 mod umockdev_efw;
 mod umockdev_pm100;
+mod zaber_peer;
+mod zaber_stage;

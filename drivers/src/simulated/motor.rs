@@ -72,6 +72,16 @@ impl Motor {
         self.leg.is_some()
     }
 
+    /// Whether it found its reference since it was switched on.
+    pub fn is_referenced(&self) -> bool {
+        self.referenced
+    }
+
+    /// Takes the place where it stands for its reference.
+    pub fn assume_reference(&mut self) {
+        (self.offset, self.referenced) = (self.place, true);
+    }
+
     /// Forgets its reference and its counter, as without power.
     pub fn power_cycle(&mut self) {
         (self.offset, self.referenced, self.leg) = (self.place, false, None);

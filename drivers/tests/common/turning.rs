@@ -20,6 +20,7 @@ pub fn name(error: &DeviceError) -> &'static str {
         DeviceError::Protocol { .. } => "protocol",
         DeviceError::Declined { .. } => "declined",
         DeviceError::Refused { .. } => "refused",
+        DeviceError::Rejected { .. } => "rejected",
         DeviceError::NotTaken { .. } => "not taken",
         DeviceError::NotReady { .. } => "not ready",
         DeviceError::LimitHit { .. } => "limit hit",
