@@ -30,6 +30,7 @@ mod indi;
 mod inventory;
 mod line;
 mod meters;
+mod newport;
 pub mod opencv;
 mod options;
 mod plugged;
@@ -53,12 +54,14 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 30] = [
+pub static DRIVERS: [&Driver; 34] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
     &elliptec::ELLIPTEC,
     &zaber::ZABER,
+    &newport::ESP301,
+    &newport::SMC100,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
@@ -78,6 +81,8 @@ pub static DRIVERS: [&Driver; 30] = [
     &apt::SIM_APT,
     &elliptec::SIM_ELLIPTEC,
     &zaber::SIM_ZABER,
+    &newport::SIM_ESP301,
+    &newport::SIM_SMC100,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

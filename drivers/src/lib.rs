@@ -15,7 +15,7 @@
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; rotation stages on the [APT](thorlabs::apt) and
 //!   [Elliptec](thorlabs::elliptec) protocols;
-//! - [`zaber`]: rotation stages on Zaber's ASCII protocol;
+//! - [`zaber`], [`newport`]: rotation stages on Zaber's ASCII protocol, and on Newport's ESP301 and SMC100;
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an Elliptec mount, an INDI server, both kinds of power
@@ -61,6 +61,7 @@ pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;
+pub mod newport;
 pub mod ophir;
 pub mod ptu;
 pub mod recording;

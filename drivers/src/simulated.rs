@@ -9,6 +9,7 @@
 pub mod apt;
 pub mod efw;
 pub mod elliptec;
+pub mod esp301;
 pub mod indi;
 pub mod line;
 mod motor;
@@ -17,6 +18,7 @@ pub mod pm100;
 pub mod power;
 pub mod script;
 pub mod served;
+pub mod smc100;
 pub mod swabian;
 pub mod tmcl;
 pub mod zaber;

@@ -346,7 +346,19 @@ impl<A: Axis> Turning<A> {
     }
 
     /// Stops after `error` and says where it stands.
-    fn stopped_by(&mut self, error: DeviceError, deadline: &Deadline) -> Interrupted<Option<f64>> {
+    fn stopped_by(
+        &mut self,
+        error: DeviceError,
+        action: &'static str,
+        deadline: &Deadline,
+    ) -> Interrupted<Option<f64>> {
+        // An answer that the end of the deadline cut off is no silence.
+        let error = match (&error, deadline.remaining()) {
+            (DeviceError::Transport { source, .. }, Err(expired)) if source.is_timeout() => {
+                DeviceError::expired(A::DEVICE, action, expired)
+            }
+            _ => error,
+        };
         let grace = deadline.grace(self.settings.stop_within);
         // A controller that lost its power on the way begins to count anew, and does not say so.
         let may_have_lost_power = matches!(error, DeviceError::Stalled { .. });
@@ -401,7 +413,7 @@ impl<A: Axis> RotationStage for Turning<A> {
     fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
         match self.reference(deadline) {
             Ok(counter) => Ok(self.scale().angle(counter)),
-            Err(error) => Err(self.stopped_by(error, deadline)),
+            Err(error) => Err(self.stopped_by(error, "the reference search", deadline)),
         }
     }
 
@@ -414,7 +426,7 @@ impl<A: Axis> RotationStage for Turning<A> {
         let target = self.target(angle_deg, deadline).map_err(|e| Interrupted::new(None, e))?;
         match self.go(target, deadline) {
             Ok(counter) => Ok(self.scale().angle(counter)),
-            Err(error) => Err(self.stopped_by(error, deadline)),
+            Err(error) => Err(self.stopped_by(error, "the move", deadline)),
         }
     }
 

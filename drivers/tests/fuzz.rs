@@ -10,6 +10,8 @@ mod apt;
 mod elliptec;
 #[path = "../fuzz/targets/indi.rs"]
 mod indi;
+#[path = "../fuzz/targets/newport.rs"]
+mod newport;
 #[path = "../fuzz/targets/ophir.rs"]
 mod ophir;
 #[path = "../fuzz/targets/ptu.rs"]
@@ -31,11 +33,12 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 11] = [
+    let targets: [Target; 12] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
         ("indi", &[], indi::run),
+        ("newport", &["fixtures/esp301", "fixtures/smc100"], newport::run),
         ("ophir", &[], ophir::run),
         ("ptu", &[], ptu::run),
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),

@@ -142,7 +142,7 @@ impl Rig for Zabers {
 /// Truth: the device's own place, and the clock. Every run ends right or with a named error, in time.
 #[test]
 fn a_thousand_seeds_end_right_or_with_a_named_error() {
-    thousand::<Zabers>(300);
+    thousand::<Zabers>(200);
 }
 
 fn boxed(line: Box<dyn Bytes>, d: &Deadline) -> Result<Box<dyn RotationStage>, DeviceError> {

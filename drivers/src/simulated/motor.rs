@@ -82,6 +82,17 @@ impl Motor {
         (self.offset, self.referenced) = (self.place, true);
     }
 
+    /// Whether it searches its reference.
+    pub fn is_searching(&self) -> bool {
+        self.leg.is_some_and(|leg| leg.search)
+    }
+
+    /// Whether it stands at the lower or upper limit.
+    pub fn at_limit(&self) -> [bool; 2] {
+        let [low, high] = self.limits.unwrap_or([i64::MIN, i64::MAX]);
+        [self.place <= low, self.place >= high]
+    }
+
     /// Forgets its reference and its counter, as without power.
     pub fn power_cycle(&mut self) {
         (self.offset, self.referenced, self.leg) = (self.place, false, None);
