@@ -208,7 +208,7 @@ mod tests {
         }
         let (line, checked) = parse(b"@01 0 RJ IDLE WR BADCOMMAND\n").unwrap();
         assert!(matches!(line, Line::Reply(Reply { number: None, taken: false, .. })) && !checked);
-        assert_eq!(parse(b"!01 1 IDLE --:AE\r\n").map(|(line, _)| line), Ok(Line::Unasked));
+        assert_eq!(parse(b"!01 1 IDLE --:96\r\n").map(|(line, _)| line), Ok(Line::Unasked));
         assert_eq!(parse(b"#01 0 hello\r\n"), Ok((Line::Unasked, false)));
         assert_eq!(warnings("02 WR FS"), Ok(vec!["WR".to_owned(), "FS".to_owned()]));
         assert_eq!(warnings("00"), Ok(Vec::new()));

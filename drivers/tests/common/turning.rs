@@ -148,19 +148,22 @@ pub enum Cable {
     Flip(u32),
 }
 
+/// What happens to the device before a piece of the host.
+pub type Before<D> = Option<(u32, fn(&mut D))>;
+
 /// One conversation: the device, what happens to the cable and, before a piece of the host, to the device, and how it ends.
 pub struct Case<D> {
     pub name: &'static str,
     pub device: D,
     pub cable: Cable,
-    pub before: Option<(u32, fn(&mut D))>,
+    pub before: Before<D>,
     pub end: &'static str,
 }
 
 struct Line<D> {
     inner: InMemory<D>,
     cable: Cable,
-    before: Option<(u32, fn(&mut D))>,
+    before: Before<D>,
     sent: u32,
     heard: u32,
 }
