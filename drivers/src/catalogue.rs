@@ -25,16 +25,19 @@ mod address;
 mod alpaca;
 mod any;
 mod apt;
+mod elliptec;
 mod indi;
 mod inventory;
 mod line;
 mod meters;
+mod newport;
 pub mod opencv;
 mod options;
 mod plugged;
 mod swabian;
 mod trinamic;
 pub mod udev;
+mod zaber;
 mod zwo;
 
 pub use address::{Address, AddressError};
@@ -51,10 +54,14 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 26] = [
+pub static DRIVERS: [&Driver; 34] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
+    &elliptec::ELLIPTEC,
+    &zaber::ZABER,
+    &newport::ESP301,
+    &newport::SMC100,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
@@ -72,6 +79,10 @@ pub static DRIVERS: [&Driver; 26] = [
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
     &apt::SIM_APT,
+    &elliptec::SIM_ELLIPTEC,
+    &zaber::SIM_ZABER,
+    &newport::SIM_ESP301,
+    &newport::SIM_SMC100,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

@@ -10,12 +10,15 @@
 //!   [`Faulty`](recording::Faulty) around any transport; [the same as fake devices](recording::umockdev) under real libraries;
 //! - [`reply`]: answers as text, parsed strictly;
 //! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, focuser, mount, one small trait each;
+//! - [`turning`]: the part that rotation stages of several protocols share;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
-//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
+//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; rotation stages on the [APT](thorlabs::apt) and
+//!   [Elliptec](thorlabs::elliptec) protocols;
+//! - [`zaber`], [`newport`]: rotation stages on Zaber's ASCII protocol, and on Newport's ESP301 and SMC100;
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
-//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an Elliptec mount, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
 //! - [`catalogue`]: every driver by name and address, over any transport; what is plugged in; the udev rules;
 //! - [`session`]: one device opened by its address, checked, read, set, moved, recorded and replayed;
@@ -58,6 +61,7 @@ pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;
+pub mod newport;
 pub mod ophir;
 pub mod ptu;
 pub mod recording;
@@ -69,5 +73,7 @@ pub use sunglint_formats::tags;
 pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;
+pub mod turning;
 mod twice;
+pub mod zaber;
 pub mod zwo;

@@ -8,15 +8,20 @@
 
 pub mod apt;
 pub mod efw;
+pub mod elliptec;
+pub mod esp301;
 pub mod indi;
 pub mod line;
+mod motor;
 pub mod ophir;
 pub mod pm100;
 pub mod power;
 pub mod script;
 pub mod served;
+pub mod smc100;
 pub mod swabian;
 pub mod tmcl;
+pub mod zaber;
 
 pub use line::{InMemory, Speaker, bridge, serve};
 pub use power::{PowerSource, Steady};

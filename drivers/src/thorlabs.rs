@@ -1,4 +1,4 @@
-//! Thorlabs: [rotation stages](apt) on the APT protocol; power meters of the PM100 family: SCPI in USBTMC messages.
+//! Thorlabs: rotation stages on the [APT](apt) and [Elliptec](elliptec) protocols; power meters of the PM100 family: SCPI in USBTMC messages.
 //!
 //! - [`usbtmc`]: the messages, made and checked;
 //! - [`Tmc`]: question and answer over them, with recovery (clearing the meter's buffers) after anything that went wrong;
@@ -16,6 +16,7 @@
 //! recordings of it through the real libusb under umockdev.
 
 pub mod apt;
+pub mod elliptec;
 mod pm100;
 pub mod scpi;
 mod session;

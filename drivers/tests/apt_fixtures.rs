@@ -75,7 +75,7 @@ fn session(line: impl Bytes, servo: bool, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     let link = LinkSettings { reply_within: Duration::from_millis(150), ..LinkSettings::default() };
     let settings = StageSettings {
-        model: if servo { Model::Prm1z8 } else { Model::K10cr1 },
+        model: Some(if servo { Model::Prm1z8 } else { Model::K10cr1 }),
         stall_after: Duration::from_millis(300),
         ..StageSettings::default()
     };

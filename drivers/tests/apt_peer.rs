@@ -1,12 +1,14 @@
 //! APT messages against another codec: thorlabs-apt-protocol 29.0.0.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
+use serialport::SerialPort as _;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command, Stdio};
 use std::time::Duration;
+use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{Device as _, RotationStage as _};
-use sunglint_drivers::simulated::Speaker as _;
 use sunglint_drivers::simulated::apt::{Apt, AptSettings};
+use sunglint_drivers::simulated::{Speaker as _, serve};
 use sunglint_drivers::thorlabs::apt::message::{HOST, Id, Message, State, StateBits, parse};
 use sunglint_drivers::thorlabs::apt::{LinkSettings, Stage, StageSettings};
 use sunglint_drivers::transport::serial::Serial;
@@ -218,4 +220,80 @@ fn the_driver_moves_a_device_on_that_codec() {
     let mut rest = String::new();
     printed.read_to_string(&mut rest).unwrap();
     device.wait().unwrap();
+}
+
+/// pylablib's Kinesis host homes, moves and stops our simulated stages through a real pty. It lifts RTS when it opens a port,
+/// which a pty refuses: the script takes that out of pyserial. Truth: pylablib's own reading of the messages; the stage's own
+/// place. pylablib does not know the K10CR2 and takes counts there.
+#[test]
+fn pylablibs_kinesis_moves_our_simulated_stages() {
+    let name = "pylablibs_kinesis_moves_our_simulated_stages";
+    let Some(python) = peer_python(name, &["pylablib"]) else { return };
+    let script = r#"
+import os, sys, types, warnings, serial, pylablib.devices
+warnings.simplefilter("ignore")
+# The package's own __init__ loads cameras, which need numba.
+folder = os.path.join(os.path.dirname(pylablib.devices.__file__), "Thorlabs")
+sys.modules["pylablib.devices.Thorlabs"] = package = types.ModuleType("pylablib.devices.Thorlabs")
+package.__path__ = [folder]
+serial.Serial._update_rts_state = serial.Serial._update_dtr_state = lambda self: None
+from pylablib.devices.Thorlabs.kinesis import KinesisMotor
+port, scale, target = sys.argv[1], sys.argv[2], float(sys.argv[3])
+stage = KinesisMotor(("serial", port), scale=scale)
+info = stage.get_device_info()
+print(info.serial_no, info.model_no, info.fw_ver, info.nchannels, stage.get_scale_units())
+print(stage.is_homed(), stage.get_position(scale=False))
+stage.home(timeout=20.)
+print(stage.is_homed(), stage.get_position(scale=False), sorted(stage.get_status()))
+stage.move_to(target)
+stage.wait_move(timeout=20.)
+print(round(stage.get_position(), 4), stage.get_position(scale=False))
+stage.move_to(-target * 100)
+stage.stop(immediate=True, timeout=20.)
+print(stage.is_moving(), -target * 100 < stage.get_position() < target)
+stage.close()
+"#;
+    for (model, scale, target, expected) in [
+        (
+            "K10CR1",
+            "stage",
+            "12",
+            "55123456 K10CR1 1.2.3 1 deg\nFalse 0\nTrue 0 ['enabled', 'homed']\n12.0 1638400\nFalse True\n",
+        ),
+        (
+            "K10CR2",
+            "step",
+            "1638400",
+            "55123456 K10CR2 1.2.3 1 internal\nFalse 0\nTrue 0 ['enabled', 'homed']\n1638400 1638400\nFalse True\n",
+        ),
+        (
+            "KBD101",
+            "DDR100",
+            "45",
+            "55123456 KBD101 1.2.3 1 deg\nFalse 0\nTrue 0 ['enabled', 'homed']\n45.0 409600\nFalse True\n",
+        ),
+    ] {
+        let (device, mut host) = serialport::TTYPort::pair().unwrap();
+        // Kept open beside the script's, so that the device's end sees no hang-up before the script is there.
+        host.set_exclusive(false).unwrap();
+        let path = host.name().unwrap();
+        let cancel = Cancel::new();
+        let deadline = crate::common::within(60.0).with_cancel(&cancel);
+        let mut device = Serial::from_port(Box::new(device));
+        let settings = AptSettings {
+            model: model.into(),
+            servo: model == "KBD101",
+            speed: 4_000_000,
+            reference: -400_000,
+            ..AptSettings::default()
+        };
+        let server =
+            std::thread::spawn(move || serve(Apt::new(settings), &mut device, &deadline).unwrap());
+        let printed = run_python(&python, script, &[&path, scale, target]);
+        drop(host);
+        cancel.cancel();
+        let stage = server.join().unwrap();
+        assert_eq!(printed, expected, "{model}");
+        assert!(stage.is_standing(), "{model}");
+    }
 }

@@ -76,7 +76,7 @@ fn models_have_their_scales() {
         error: 4,
         ..AptSettings::default()
     };
-    let settings = StageSettings { model: Model::Prm1z8, ..StageSettings::default() };
+    let settings = StageSettings { model: Some(Model::Prm1z8), ..StageSettings::default() };
     let mut stage = open(&clock, servo, settings);
     assert_eq!(stage.home(&after(&clock, 60)).unwrap(), 0.0);
     let at = stage.move_to(45.0, &after(&clock, 60)).unwrap();
@@ -85,8 +85,12 @@ fn models_have_their_scales() {
     // The stage says where it is, not where it was sent.
     assert!((at - place as f64 / 1_919.641_857_862_339).abs() < 1e-9 && at != 45.0, "{at}");
     let bsc = AptSettings { model: "BSC201".into(), ..AptSettings::default() };
-    let settings =
-        StageSettings { model: Model::Hdr50, inverted: true, zero_deg: 10.0, ..Default::default() };
+    let settings = StageSettings {
+        model: Some(Model::Hdr50),
+        inverted: true,
+        zero_deg: 10.0,
+        ..Default::default()
+    };
     let mut stage = open(&clock, bsc.clone(), settings);
     assert_eq!(stage.home(&after(&clock, 600)).unwrap(), 10.0);
     stage.move_to(12.0, &after(&clock, 60)).unwrap();
@@ -95,7 +99,94 @@ fn models_have_their_scales() {
     let line = InMemory::new(Apt::new(bsc));
     let error = Stage::open(line, LinkSettings::default(), Default::default(), &after(&clock, 5));
     let error = error.unwrap_err().to_string();
-    assert!(error.contains("K10cr1") && error.contains("on a BSC201"), "{error}");
+    assert!(
+        error.contains("found a BSC201") && error.contains("give counts_per_deg=NUMBER"),
+        "{error}"
+    );
+}
+
+/// Truth: counts of a turn as pylablib 1.4.3 and Thorlabs' data sheets have them; the simulated stage's own place.
+#[test]
+fn every_named_model_has_its_scale() {
+    for (model, controller, turn) in [
+        (Model::K10cr2, "K10CR2", 49_152_000.0),
+        (Model::Nr360, "KST101", 27_033_600.0),
+        (Model::Nr360Coarse, "BSC001", 1_689_600.0),
+        (Model::Ddr100, "KBD101", 3_276_800.0),
+        (Model::Ddr05, "KBD101", 2_000_000.0),
+        (Model::Ddr25, "BBD301", 1_440_000.0),
+    ] {
+        let clock = clock();
+        let servo = controller.contains("BD");
+        let apt = AptSettings {
+            model: controller.into(),
+            servo,
+            speed: turn as i64 / 36,
+            reference: -1_000,
+            error: if servo { 5 } else { 0 },
+            ..AptSettings::default()
+        };
+        let settings = StageSettings { model: Some(model), ..Default::default() };
+        let mut stage = open(&clock, apt, settings);
+        assert_eq!(stage.home(&after(&clock, 60)).unwrap(), 0.0, "{model:?}");
+        let at = stage.move_to(45.0, &after(&clock, 60)).unwrap();
+        let place = stage.line().device.place() + 1_000;
+        assert_eq!(place, (turn / 8.0) as i64 + if servo { 5 } else { 0 }, "{model:?}");
+        assert!((at - place as f64 * 360.0 / turn).abs() < 1e-9, "{model:?}: {at}");
+        let named = Model::named(model.name());
+        assert_eq!(named, Some(model));
+        let said = stage.settings(&after(&clock, 60)).unwrap();
+        assert!(said.iter().any(|s| s.name == "model" && s.value.to_string() == model.name()));
+    }
+}
+
+/// Truth: a stage that names itself is taken as it is; another one is never guessed, and never refused with its counts.
+#[test]
+fn unknown_stages_need_their_counts_of_a_degree() {
+    let open = |controller: &str, settings: StageSettings| {
+        let clock = clock();
+        let servo = controller.starts_with("KDC");
+        let apt = AptSettings { model: controller.into(), servo, error: 3, ..Default::default() };
+        let line = InMemory::new(Apt::new(apt));
+        let mut stage = Stage::open(line, LinkSettings::default(), settings, &after(&clock, 5))
+            .unwrap_or_else(|e| panic!("{e}"));
+        stage.trust_counter();
+        stage.move_to(1.0, &after(&clock, 60)).map_err(|e| e.to_string())
+    };
+    let refused = |controller: &str, model: Option<Model>| {
+        let clock = clock();
+        let line =
+            InMemory::new(Apt::new(AptSettings { model: controller.into(), ..Default::default() }));
+        let settings = StageSettings { model, ..Default::default() };
+        let error = Stage::open(line, LinkSettings::default(), settings, &after(&clock, 5));
+        error.unwrap_err().to_string()
+    };
+    for controller in ["XYZ001", "KST101", "KDC101", "K10CR3"] {
+        let error = refused(controller, None);
+        assert!(error.contains(&format!("found a {controller}")), "{error}");
+        assert!(error.contains("ddr100") && error.contains("counts_per_deg=NUMBER"), "{error}");
+    }
+    let error = refused("K10CR2", Some(Model::K10cr1));
+    assert!(error.contains("found k10cr1, expected one of k10cr2"), "{error}");
+    let error = refused("KDC101", Some(Model::K10cr2));
+    assert!(error.contains("found k10cr2") && error.contains("on a KDC101"), "{error}");
+    let error = refused("K10CR1", Some(Model::Prm1z8));
+    assert!(error.contains("expected one of k10cr1"), "{error}");
+    for nonsense in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = refused("X", Some(Model::Other { counts_per_deg: nonsense, servo: None }));
+        assert!(error.contains("counts_per_deg"), "{error}");
+    }
+    let other = |counts_per_deg, servo| Some(Model::Other { counts_per_deg, servo });
+    let with = |model, tolerance_deg| StageSettings { model, tolerance_deg, ..Default::default() };
+    // 3 counts off: a servo of 1000 counts a degree may be 5 off, a stepper none, unless it is said.
+    assert_eq!(open("KDC101", with(other(1_000.0, None), None)), Ok(1.003));
+    assert!(
+        open("XYZ001", with(other(1_000.0, None), None))
+            .unwrap_err()
+            .contains("stands still at 1.003")
+    );
+    assert_eq!(open("XYZ001", with(other(1_000.0, None), Some(0.003))), Ok(1.003));
+    assert_eq!(open("KDC10X", with(other(1_000.0, Some(true)), None)), Ok(1.003));
 }
 
 /// Truth: the simulated stage's own place, its switches and obstacles.

@@ -6,8 +6,12 @@ use sunglint_testkit::Fuzz;
 mod alpaca;
 #[path = "../fuzz/targets/apt.rs"]
 mod apt;
+#[path = "../fuzz/targets/elliptec.rs"]
+mod elliptec;
 #[path = "../fuzz/targets/indi.rs"]
 mod indi;
+#[path = "../fuzz/targets/newport.rs"]
+mod newport;
 #[path = "../fuzz/targets/ophir.rs"]
 mod ophir;
 #[path = "../fuzz/targets/ptu.rs"]
@@ -18,6 +22,8 @@ mod recording;
 mod swabian;
 #[path = "../fuzz/targets/thorlabs.rs"]
 mod thorlabs;
+#[path = "../fuzz/targets/zaber.rs"]
+mod zaber;
 #[path = "../fuzz/targets/zwo.rs"]
 mod zwo;
 
@@ -27,15 +33,18 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 9] = [
+    let targets: [Target; 12] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
+        ("elliptec", &["fixtures/elliptec"], elliptec::run),
         ("indi", &[], indi::run),
+        ("newport", &["fixtures/esp301", "fixtures/smc100"], newport::run),
         ("ophir", &[], ophir::run),
         ("ptu", &[], ptu::run),
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
+        ("zaber", &["fixtures/zaber"], zaber::run),
         ("zwo", &[], zwo::run),
     ];
     for (name, folders, target) in targets {

@@ -210,7 +210,7 @@ mod tests {
         );
         assert!(wrong("tmcl", &["gear"]).contains("expected NAME=VALUE"));
         assert!(wrong("tmcl", &["gear=1", "gear=2"]).contains("once"));
-        assert!(wrong("zzz", &[]).contains("one of timetagger, tmcl, apt, indi-camera"));
+        assert!(wrong("zzz", &[]).contains("one of timetagger, tmcl, apt, elliptec"));
     }
 
     /// Truth: by hand: this computer has several names, INDI's port is 7624; other devices, drivers and simulated ones are not the same.

@@ -4,7 +4,7 @@ use super::{Address, Bus};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::recording::{Faults, Faulty, Header, Recorded, Recording, Replay, ReplayError};
-use crate::transport::serial::Serial;
+use crate::transport::serial::{PortSettings, Serial};
 use crate::transport::tcp::Tcp;
 use crate::transport::{Bytes, Transfer, Transfers, TransportError};
 use std::fmt;
@@ -211,6 +211,17 @@ pub(super) fn serial(
     address: &mut Address,
     deadline: &Deadline,
 ) -> Result<Line, DeviceError> {
+    let baud = address.integer("baud").unwrap_or(9600);
+    serial_with(device, address, PortSettings::at(baud), deadline)
+}
+
+/// The same, of a port with these settings.
+pub(super) fn serial_with(
+    device: &'static str,
+    address: &mut Address,
+    settings: PortSettings,
+    deadline: &Deadline,
+) -> Result<Line, DeviceError> {
     let fail = |error| DeviceError::transport(device, error);
     let place = match address.place.clone() {
         Some(place) => place,
@@ -223,8 +234,7 @@ pub(super) fn serial(
     if let Some(server) = place.strip_prefix("tcp:") {
         return Tcp::connect(server, deadline).map(Line::bytes).map_err(fail);
     }
-    let baud = address.integer("baud").unwrap_or(9600);
-    Serial::open(&place, baud).map(Line::bytes).map_err(fail)
+    Serial::open_with(&place, settings, deadline).map(Line::bytes).map_err(fail)
 }
 
 fn only_port(address: &Address) -> Result<String, TransportError> {

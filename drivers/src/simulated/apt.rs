@@ -188,6 +188,15 @@ impl Apt {
         // A counter of 32 bits runs over.
         let counter = (self.place - self.offset) as i32;
         let mut data = vec![1, 0];
+        let alone = match id {
+            Id::Counter => Some(counter.to_le_bytes()),
+            Id::StatusBits => Some(u32::to_le_bytes(bits)),
+            _ => None,
+        };
+        if let Some(alone) = alone {
+            data.extend(alone);
+            return Message::long(id, &data, HOST, self.settings.address);
+        }
         data.extend(counter.to_le_bytes());
         data.extend(if self.settings.servo { 0_i32 } else { counter }.to_le_bytes());
         data.extend(bits.to_le_bytes());
@@ -247,6 +256,8 @@ impl Apt {
             }
             Id::RequestSpeeds => Some(self.parameters(Id::Speeds, 0, 20_000, counts)),
             Id::RequestHoming => Some(self.parameters(Id::Homing, 0x0001_0002, counts, 0)),
+            Id::RequestCounter => self.told(Id::Counter),
+            Id::RequestStatusBits => self.told(Id::StatusBits),
             Id::RequestStatus if !self.settings.servo => self.told(Id::Status),
             Id::RequestServoStatus if self.settings.servo => self.told(Id::ServoStatus),
             _ => self.carry_out(message, second, now),

@@ -9,6 +9,17 @@ use std::time::Duration;
 pub trait Speaker: Send {
     /// Returns what the device says at `now` to these bytes; each part with the time from which on it can be heard.
     fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)>;
+
+    /// When the device next has something to say by itself, if it is not spoken to before.
+    fn due(&self) -> Option<Duration> {
+        None
+    }
+
+    /// Returns what the device says by itself at `now`.
+    fn speak(&mut self, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+        let _ = now;
+        Vec::new()
+    }
 }
 
 /// A device at the other end of a line in memory: a transport for drivers. The line keeps its order: what is said late
@@ -26,13 +37,21 @@ impl<D: Speaker> InMemory<D> {
         Self { device, said: VecDeque::new() }
     }
 
-    fn hear(&mut self, bytes: &[u8], now: Duration) {
-        for (due, said) in self.device.hear(bytes, now) {
+    fn say(&mut self, parts: Vec<(Duration, Vec<u8>)>) {
+        for (due, said) in parts {
             self.said.extend(said.into_iter().map(|byte| (due, byte)));
         }
     }
 
+    fn speak(&mut self, now: Duration) {
+        if self.device.due().is_some_and(|due| due <= now) {
+            let parts = self.device.speak(now);
+            self.say(parts);
+        }
+    }
+
     fn take(&mut self, most: usize, now: Duration) -> Vec<u8> {
+        self.speak(now);
         let ready = self.said.iter().take(most).take_while(|(due, _)| *due <= now).count();
         self.said.drain(..ready).map(|(_, byte)| byte).collect()
     }
@@ -41,7 +60,10 @@ impl<D: Speaker> InMemory<D> {
 impl<D: Speaker> Bytes for InMemory<D> {
     fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
         deadline.remaining()?;
-        self.hear(bytes, deadline.now());
+        let now = deadline.now();
+        self.speak(now);
+        let parts = self.device.hear(bytes, now);
+        self.say(parts);
         Ok(())
     }
 
@@ -55,10 +77,9 @@ impl<D: Speaker> Bytes for InMemory<D> {
                 buffer[..ready.len()].copy_from_slice(&ready);
                 return Ok(ready.len());
             }
-            let wait = match self.said.front() {
-                Some((due, _)) => due.saturating_sub(deadline.now()),
-                None => Duration::MAX,
-            };
+            let next = self.said.front().map(|(due, _)| *due);
+            let next = next.into_iter().chain(self.device.due()).min();
+            let wait = next.map_or(Duration::MAX, |due| due.saturating_sub(deadline.now()));
             deadline.sleep(wait)?;
         }
     }

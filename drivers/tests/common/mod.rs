@@ -7,6 +7,7 @@ pub mod indi;
 pub mod ophir;
 pub mod pm100;
 pub mod swabian;
+pub mod turning;
 pub mod umockdev;
 pub mod words;
 

@@ -69,10 +69,18 @@ numbers! {
     RequestEnabled = 0x0211, &[0];
     /// 1 on, 2 off.
     Enabled = 0x0212, &[0];
+    /// Asks for the counter alone.
+    RequestCounter = 0x0411, &[0];
+    /// Channel, counter.
+    Counter = 0x0412, &[6];
     /// Asks for speeds.
     RequestSpeeds = 0x0414, &[0];
     /// Channel, least speed, acceleration, greatest speed.
     Speeds = 0x0415, &[14];
+    /// Asks for the status bits alone.
+    RequestStatusBits = 0x0429, &[0];
+    /// Channel, status bits.
+    StatusBits = 0x042a, &[6];
     /// Asks how the reference is searched.
     RequestHoming = 0x0441, &[0];
     /// Channel, direction, switch, speed, offset.

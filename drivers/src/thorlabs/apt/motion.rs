@@ -31,7 +31,7 @@ impl<T: Bytes> Stage<T> {
     }
 
     fn state(&mut self, deadline: &Deadline) -> Result<State, DeviceError> {
-        let (question, answer) = match self.settings.model.is_servo() {
+        let (question, answer) = match self.servo {
             true => (Id::RequestServoStatus, Id::ServoStatus),
             false => (Id::RequestStatus, Id::Status),
         };
@@ -42,7 +42,7 @@ impl<T: Bytes> Stage<T> {
     /// The state, read until two readings in a row agree, or are as far apart as a servo may hunt.
     pub(super) fn steady(&mut self, deadline: &Deadline) -> Result<State, DeviceError> {
         const MATTERS: u32 = StateBits::MOVING | StateBits::HOMING | StateBits::HOMED;
-        let tolerance = self.settings.model.tolerance();
+        let tolerance = self.tolerance;
         let mut last = self.state(deadline)?;
         let (mut moving, mut standing) = (0, 0);
         while standing < 4 {
@@ -100,7 +100,7 @@ impl<T: Bytes> Stage<T> {
         loop {
             // Twice the same: one message alone may be spoilt.
             let state = self.steady(deadline)?;
-            let near = state.counter.abs_diff(target) <= self.settings.model.tolerance();
+            let near = state.counter.abs_diff(target) <= self.tolerance;
             if near && !state.bits.is_moving() {
                 return self.rest(target, deadline);
             }
@@ -119,7 +119,7 @@ impl<T: Bytes> Stage<T> {
     fn rest(&mut self, target: i32, deadline: &Deadline) -> Result<i32, DeviceError> {
         let state = self.steady(deadline)?;
         self.require_reference(state)?;
-        if state.counter.abs_diff(target) > self.settings.model.tolerance() {
+        if state.counter.abs_diff(target) > self.tolerance {
             return Err(self.stuck(state, target));
         }
         Ok(state.counter)
@@ -165,7 +165,7 @@ impl<T: Bytes> Stage<T> {
         }
         let state = self.steady(deadline)?;
         // Half a degree: the search itself sets the counter to zero.
-        let off_deg = f64::from(state.counter) / self.settings.model.counts_per_deg();
+        let off_deg = f64::from(state.counter) / self.scale().counts_per_deg;
         if off_deg.abs() > 0.5 {
             return Err(protocol(format!(
                 "its reference search ended {off_deg:.4} deg from zero, expected at most 0.5 deg"
