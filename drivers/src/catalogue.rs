@@ -29,6 +29,7 @@ mod indi;
 mod inventory;
 mod line;
 mod meters;
+mod monochromators;
 pub mod opencv;
 mod options;
 mod plugged;
@@ -51,7 +52,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 26] = [
+pub static DRIVERS: [&Driver; 30] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -68,6 +69,8 @@ pub static DRIVERS: [&Driver; 26] = [
     &opencv::OPENCV,
     &meters::OPHIR,
     &meters::PM100,
+    &monochromators::CM110,
+    &monochromators::SP2150,
     &zwo::EFW,
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
@@ -77,6 +80,8 @@ pub static DRIVERS: [&Driver; 26] = [
     &indi::SIM_WHEEL,
     &meters::SIM_OPHIR,
     &meters::SIM_PM100,
+    &monochromators::SIM_CM110,
+    &monochromators::SIM_SP2150,
     &zwo::SIM_EFW,
 ];
 

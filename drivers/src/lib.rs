@@ -14,6 +14,7 @@
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
 //! - [`zwo`]: a filter wheel on HID;
+//! - [`spectral_products`], [`acton`]: monochromators;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
@@ -53,6 +54,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod acton;
 pub mod alpaca;
 pub mod catalogue;
 pub mod clock;
@@ -64,6 +66,7 @@ pub mod recording;
 pub mod reply;
 pub mod session;
 pub mod simulated;
+pub mod spectral_products;
 pub mod swabian;
 pub use sunglint_formats::tags;
 pub mod thorlabs;

@@ -7,6 +7,7 @@
 //! [`Script`](script::Script).
 
 pub mod apt;
+pub mod cm110;
 pub mod efw;
 pub mod indi;
 pub mod line;
@@ -15,6 +16,7 @@ pub mod pm100;
 pub mod power;
 pub mod script;
 pub mod served;
+pub mod sp2150;
 pub mod swabian;
 pub mod tmcl;
 

@@ -17,6 +17,8 @@ mod indi_fixtures;
 mod indi_live;
 mod indi_parser;
 mod indi_simulated;
+mod mono_cm110;
+mod mono_sp2150;
 mod mount_indi;
 mod mount_live;
 mod ophir_fixtures;
