@@ -30,6 +30,7 @@ mod inventory;
 mod line;
 mod meters;
 mod monochromators;
+mod ocean;
 pub mod opencv;
 mod options;
 mod plugged;
@@ -52,7 +53,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 30] = [
+pub static DRIVERS: [&Driver; 32] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -71,6 +72,7 @@ pub static DRIVERS: [&Driver; 30] = [
     &meters::PM100,
     &monochromators::CM110,
     &monochromators::SP2150,
+    &ocean::OCEAN,
     &zwo::EFW,
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
@@ -82,6 +84,7 @@ pub static DRIVERS: [&Driver; 30] = [
     &meters::SIM_PM100,
     &monochromators::SIM_CM110,
     &monochromators::SIM_SP2150,
+    &ocean::SIM_OCEAN,
     &zwo::SIM_EFW,
 ];
 

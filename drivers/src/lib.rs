@@ -14,7 +14,7 @@
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
 //! - [`zwo`]: a filter wheel on HID;
-//! - [`spectral_products`], [`acton`]: monochromators;
+//! - [`spectral_products`], [`acton`]: monochromators; [`ocean`]: spectrometers;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
@@ -60,6 +60,7 @@ pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;
+pub mod ocean;
 pub mod ophir;
 pub mod ptu;
 pub mod recording;

@@ -11,6 +11,7 @@ pub mod cm110;
 pub mod efw;
 pub mod indi;
 pub mod line;
+pub mod ocean;
 pub mod ophir;
 pub mod pm100;
 pub mod power;

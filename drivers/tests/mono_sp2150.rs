@@ -279,16 +279,16 @@ fn life(faults: Faults, seed: u64) -> (Result<(), &'static str>, Injected) {
 #[test]
 fn a_thousand_seeds_end_right_or_with_a_named_error() {
     let mild = Faults {
-        delay: 0.001,
+        delay: 0.02,
         longest_delay: Duration::from_millis(1500),
         drop: 0.000_05,
         flip: 0.000_05,
-        short_read: 0.0,
-        silence: 0.0,
+        short_read: 0.2,
+        silence: 0.002,
         disconnect: 0.0,
     };
-    let bad = Faults { delay: 0.005, drop: 0.000_5, flip: 0.000_5, ..mild };
-    let breaking = Faults { disconnect: 0.000_1, ..mild };
+    let bad = Faults { delay: 0.05, drop: 0.000_5, flip: 0.000_5, ..mild };
+    let breaking = Faults { disconnect: 0.001, ..mild };
     let mut ends: BTreeMap<(&str, String), u32> = BTreeMap::new();
     let mut sum = Injected::default();
     for seed in 0..1500 {
@@ -302,9 +302,9 @@ fn a_thousand_seeds_end_right_or_with_a_named_error() {
     }
     eprintln!("{ends:#?}\n{sum:?}");
     let right = |kind| ends.get(&(kind, "Ok(())".into())).copied().unwrap_or(0);
-    assert!(sum.drops > 200 && sum.flips > 200 && sum.delays > 500, "{sum:?}");
-    assert!(right("mild") > 400, "{ends:?}");
-    assert!(right("bad") > 50 && right("breaking") < 500, "{ends:?}");
+    assert!(sum.drops > 200 && sum.flips > 200 && sum.delays > 300, "{sum:?}");
+    assert!(right("mild") > 300, "{ends:?}");
+    assert!(right("bad") > 20 && right("breaking") < 500, "{ends:?}");
     assert_eq!(life(bad, 4), life(bad, 4), "the same seed, the same run");
     for seed in 0..4 {
         assert_eq!(life(Faults::NONE, seed).0, Ok(()));

@@ -5,7 +5,7 @@ use super::reply::{Answer, End, LONGEST_LINE, MOST_LINES, end_of, model, text};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::reply::ReplyError;
-use crate::transport::Bytes;
+use crate::transport::{Bytes, TransportError};
 use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
@@ -38,6 +38,8 @@ pub struct Link<T> {
     model: Option<String>,
     echoes: bool,
     in_step: bool,
+    /// Bytes that have come and were not looked at.
+    heard: Vec<u8>,
     /// Until when it may be silent because it moves, on the clock of the calls.
     busy_until: Duration,
 }
@@ -55,6 +57,7 @@ impl<T: Bytes> Link<T> {
             model: None,
             echoes: false,
             in_step: false,
+            heard: Vec::new(),
             busy_until: Duration::ZERO,
         }
     }
@@ -153,11 +156,29 @@ impl<T: Bytes> Link<T> {
         }
     }
 
+    /// A line with its end.
+    fn line_heard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
+        loop {
+            if let Some(at) = self.heard.iter().position(|byte| *byte == b'\n') {
+                return Ok(self.heard.drain(..=at).collect());
+            }
+            if self.heard.len() >= LONGEST_LINE {
+                let got_so_far = std::mem::take(&mut self.heard);
+                return Err(TransportError::TooLong { most: LONGEST_LINE, got_so_far });
+            }
+            let mut buffer = [0; LONGEST_LINE];
+            match self.line.receive(&mut buffer, deadline) {
+                Ok(count) => self.heard.extend_from_slice(&buffer[..count]),
+                Err(error) => return Err(error.with_got_so_far(&self.heard)),
+            }
+        }
+    }
+
     /// All lines of an answer.
     fn lines(&mut self, deadline: &Deadline) -> Result<Vec<u8>, Trouble> {
         let mut lines = Vec::new();
         for _ in 0..MOST_LINES {
-            let line = self.line.receive_until(b'\n', LONGEST_LINE, deadline);
+            let line = self.line_heard(deadline);
             let line = line.map_err(|error| error.with_got_so_far(&lines))?;
             let end = end_of(&String::from_utf8_lossy(&line));
             lines.extend_from_slice(&line);
@@ -177,12 +198,13 @@ impl<T: Bytes> Link<T> {
         let moving = self.busy_until.saturating_sub(deadline.now());
         let step = deadline.at_most(self.settings.reply_within.saturating_add(moving));
         self.line.discard(&step)?;
+        self.heard.clear();
         // A command that lost its end would swallow the question. Nobody has said anything yet before the first one.
         let question = if self.model.is_some() { format!("\r{WHO}\r") } else { format!("{WHO}\r") };
         self.line.send(question.as_bytes(), &step)?;
         let mut last = None;
         for _ in 0..MOST {
-            let bytes = match self.line.receive_until(b'\n', LONGEST_LINE, &step) {
+            let bytes = match self.line_heard(&step) {
                 Ok(bytes) => bytes,
                 // Somebody who speaks, but not so, is not silent: what came is in the error.
                 Err(error) if error.is_timeout() => {
