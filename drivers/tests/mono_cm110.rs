@@ -309,3 +309,28 @@ fn a_thousand_seeds_end_right_or_with_a_named_error() {
     assert_eq!(life(bad, 4), life(bad, 4), "the same seed, the same run");
     assert_eq!(life(Faults::NONE, 1).0, Ok(()));
 }
+
+/// What `devices move` and `devices read` do, on the computer's clock: 5 nm are 50 ms. Truth: the target; the lamp's lines are in the other tests.
+#[test]
+fn a_session_moves_and_reads_the_simulated_instruments() {
+    use sunglint_drivers::session::{Peer, ReadOptions, Reading, Session, SessionOptions, Target};
+    use sunglint_numerics::progress::Silent;
+    for name in ["sim-cm110", "sim-sp2150"] {
+        let address = Address::parse(name, &[]).unwrap();
+        let kind = address.driver.kind;
+        let peer = Peer::live(&Cancel::new());
+        let mut device = Session::start(&peer, address, &SessionOptions::default()).unwrap();
+        let moves = device.travel(&[Target::parse("5", kind).unwrap()], &Silent);
+        assert!(moves.failed.is_none(), "{moves:?}");
+        assert_eq!(moves.at.wavelength_nm(), Some(5.0));
+        let read = device.read(&ReadOptions::default(), &Silent).unwrap();
+        assert!(matches!(read.readings[0], Reading::Wavelength { wavelength_nm: 5.0, .. }));
+    }
+    let address = Address::parse("sim-ocean", &[]).unwrap();
+    let peer = Peer::live(&Cancel::new());
+    let mut device = Session::start(&peer, address, &SessionOptions::default()).unwrap();
+    let options = ReadOptions { exposure_s: 0.02, ..ReadOptions::default() };
+    let read = device.read(&options, &Silent).unwrap();
+    let Reading::Spectrum(spectrum) = &read.readings[0] else { panic!("a spectrum") };
+    assert_eq!((spectrum.counts.len(), spectrum.integration_s), (2068, 0.02));
+}

@@ -228,7 +228,7 @@ fn name(error: &DeviceError) -> &'static str {
 fn life(faults: Faults, seed: u64) -> (Result<(), &'static str>, Injected) {
     let clock = Arc::new(VirtualClock::new());
     let within = |s| Deadline::after(clock.clone(), Duration::from_secs(s));
-    let echoes = seed % 2 == 0;
+    let echoes = seed.is_multiple_of(2);
     let motion = if seed % 4 < 2 { Motion::Goto } else { Motion::Scan };
     let device = Sp2150::new(Sp2150Settings { echoes, ..Sp2150Settings::default() });
     let line = Faulty::new(InMemory::new(device), faults, seed);
