@@ -30,7 +30,9 @@ mod indi;
 mod inventory;
 mod line;
 mod meters;
+mod monochromators;
 mod newport;
+mod ocean;
 pub mod opencv;
 mod options;
 mod plugged;
@@ -54,7 +56,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 34] = [
+pub static DRIVERS: [&Driver; 40] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -75,6 +77,9 @@ pub static DRIVERS: [&Driver; 34] = [
     &opencv::OPENCV,
     &meters::OPHIR,
     &meters::PM100,
+    &monochromators::CM110,
+    &monochromators::SP2150,
+    &ocean::OCEAN,
     &zwo::EFW,
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
@@ -88,6 +93,9 @@ pub static DRIVERS: [&Driver; 34] = [
     &indi::SIM_WHEEL,
     &meters::SIM_OPHIR,
     &meters::SIM_PM100,
+    &monochromators::SIM_CM110,
+    &monochromators::SIM_SP2150,
+    &ocean::SIM_OCEAN,
     &zwo::SIM_EFW,
 ];
 

@@ -17,6 +17,7 @@
 //!   [Elliptec](thorlabs::elliptec) protocols;
 //! - [`zaber`], [`newport`]: rotation stages on Zaber's ASCII protocol, and on Newport's ESP301 and SMC100;
 //! - [`zwo`]: a filter wheel on HID;
+//! - [`spectral_products`], [`acton`]: monochromators; [`ocean`]: spectrometers;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an Elliptec mount, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
@@ -56,18 +57,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod acton;
 pub mod alpaca;
 pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;
 pub mod newport;
+pub mod ocean;
 pub mod ophir;
 pub mod ptu;
 pub mod recording;
 pub mod reply;
 pub mod session;
 pub mod simulated;
+pub mod spectral_products;
 pub mod swabian;
 pub use sunglint_formats::tags;
 pub mod thorlabs;

@@ -7,18 +7,21 @@
 //! [`Script`](script::Script).
 
 pub mod apt;
+pub mod cm110;
 pub mod efw;
 pub mod elliptec;
 pub mod esp301;
 pub mod indi;
 pub mod line;
 mod motor;
+pub mod ocean;
 pub mod ophir;
 pub mod pm100;
 pub mod power;
 pub mod script;
 pub mod served;
 pub mod smc100;
+pub mod sp2150;
 pub mod swabian;
 pub mod tmcl;
 pub mod zaber;
