@@ -32,6 +32,7 @@ mod meters;
 pub mod opencv;
 mod options;
 mod plugged;
+mod scpi;
 mod swabian;
 mod trinamic;
 pub mod udev;
@@ -51,7 +52,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 26] = [
+pub static DRIVERS: [&Driver; 31] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -69,6 +70,9 @@ pub static DRIVERS: [&Driver; 26] = [
     &meters::OPHIR,
     &meters::PM100,
     &zwo::EFW,
+    &scpi::METERS,
+    &scpi::SOURCES,
+    &scpi::POWER_METERS,
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
     &apt::SIM_APT,
@@ -78,6 +82,8 @@ pub static DRIVERS: [&Driver; 26] = [
     &meters::SIM_OPHIR,
     &meters::SIM_PM100,
     &zwo::SIM_EFW,
+    &scpi::SIM_METER,
+    &scpi::SIM_SOURCE,
 ];
 
 /// Kind of a device: what it does.

@@ -13,6 +13,7 @@
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
+//! - [`scpi`]: meters, sources and power meters that a file describes, over TCP, serial ports, GPIB adapters and [`usbtmc`];
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
@@ -62,6 +63,7 @@ pub mod ophir;
 pub mod ptu;
 pub mod recording;
 pub mod reply;
+pub mod scpi;
 pub mod session;
 pub mod simulated;
 pub mod swabian;
@@ -70,4 +72,5 @@ pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;
 mod twice;
+pub mod usbtmc;
 pub mod zwo;

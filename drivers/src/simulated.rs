@@ -13,6 +13,7 @@ pub mod line;
 pub mod ophir;
 pub mod pm100;
 pub mod power;
+pub mod scpi;
 pub mod script;
 pub mod served;
 pub mod swabian;
