@@ -19,8 +19,8 @@ mod pm100;
 pub mod scpi;
 mod usb;
 
-pub use pm100::{Pm100, Pm100Settings};
 pub use crate::usbtmc::{Endpoints, Tmc, TmcSettings};
+pub use pm100::{Pm100, Pm100Settings};
 pub use usb::{Found, PRODUCTS, VENDOR, find, open};
 
 /// The device, in messages.

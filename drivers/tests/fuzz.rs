@@ -14,6 +14,8 @@ mod ophir;
 mod ptu;
 #[path = "../fuzz/targets/recording.rs"]
 mod recording;
+#[path = "../fuzz/targets/scpi.rs"]
+mod scpi;
 #[path = "../fuzz/targets/swabian.rs"]
 mod swabian;
 #[path = "../fuzz/targets/thorlabs.rs"]
@@ -27,13 +29,14 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 9] = [
+    let targets: [Target; 10] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("indi", &[], indi::run),
         ("ophir", &[], ophir::run),
         ("ptu", &[], ptu::run),
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
+        ("scpi", &[], scpi::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
         ("zwo", &[], zwo::run),

@@ -100,7 +100,11 @@ const fn driver(
         title,
         tried: "our simulated instruments, which pyvisa drives too, and a device made of sinstruments 1.5.0; no real instrument yet",
         simulated: false,
-        place: Place { form: "PORT|tcp:HOST[:PORT]|usb[:VVVV:PPPP[:SERIAL]]", example, optional: false },
+        place: Place {
+            form: "PORT|tcp:HOST[:PORT]|usb[:VVVV:PPPP[:SERIAL]]",
+            example,
+            optional: false,
+        },
         options,
         ids: &[],
         wire: Wire::Bytes,
@@ -230,7 +234,10 @@ fn file_error(error: sunglint_formats::FileError) -> DeviceError {
 }
 
 /// The driver that the device's file asks for, for an address of the driver `scpi`.
-pub(super) fn driver_of(name: &str, options: &[String]) -> Result<Option<&'static str>, AddressError> {
+pub(super) fn driver_of(
+    name: &str,
+    options: &[String],
+) -> Result<Option<&'static str>, AddressError> {
     if name != ANY {
         return Ok(None);
     }
@@ -265,7 +272,12 @@ fn not_found(what: String, hint: &str) -> DeviceError {
 
 /// Numbers and serial number behind `usb`.
 fn usb_place(place: &str) -> Result<(Option<(u16, u16)>, Option<&str>), DeviceError> {
-    let bad = || not_found(place.to_owned(), "write usb, usb:VVVV:PPPP or usb:VVVV:PPPP:SERIAL, the numbers in hexadecimal");
+    let bad = || {
+        not_found(
+            place.to_owned(),
+            "write usb, usb:VVVV:PPPP or usb:VVVV:PPPP:SERIAL, the numbers in hexadecimal",
+        )
+    };
     let Some(rest) = place.strip_prefix("usb:") else { return Ok((None, None)) };
     let mut parts = rest.splitn(3, ':');
     let mut number = || {

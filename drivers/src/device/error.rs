@@ -276,7 +276,10 @@ impl DeviceError {
     pub fn is_permanent(&self) -> bool {
         matches!(
             self,
-            Self::OutOfRange { .. } | Self::Unavailable { .. } | Self::Damaged { .. } | Self::File(_)
+            Self::OutOfRange { .. }
+                | Self::Unavailable { .. }
+                | Self::Damaged { .. }
+                | Self::File(_)
         )
     }
 

@@ -355,7 +355,9 @@ impl Definition {
             _ => {}
         }
         if file.kind != DeviceKind::PowerMeter {
-            for (key, there) in [("response", file.response.is_some()), ("zero", file.zero.is_some())] {
+            for (key, there) in
+                [("response", file.response.is_some()), ("zero", file.zero.is_some())]
+            {
                 if there {
                     let expected = "it with kind = \"power_meter\" only";
                     return Err(checks.error(key, expected).into());
@@ -438,7 +440,11 @@ impl Checks<'_> {
     fn name(&self, key: &str, name: &str) -> Result<(), ParseError> {
         let good = (1..=40).contains(&name.len())
             && name.bytes().all(|byte| (b' '..=b'~').contains(&byte));
-        if good { Ok(()) } else { Err(self.error(key, "a name of 1 to 40 printable ASCII characters")) }
+        if good {
+            Ok(())
+        } else {
+            Err(self.error(key, "a name of 1 to 40 printable ASCII characters"))
+        }
     }
 
     fn line(&self, key: &str, line: &str) -> Result<String, ParseError> {
@@ -497,7 +503,8 @@ impl Checks<'_> {
             }
             return Ok("W".to_owned());
         }
-        let unit = file.unit.as_deref().ok_or_else(|| self.error("unit", "a unit, such as \"A\""))?;
+        let unit =
+            file.unit.as_deref().ok_or_else(|| self.error("unit", "a unit, such as \"A\""))?;
         if file.gain.is_some() {
             if read != Some("V") {
                 return Err(self.error("read.unit", "\"V\": an amplifier of [gain] gives volts"));
@@ -635,7 +642,9 @@ impl Checks<'_> {
                 return Err(self.error(&key("auto"), "it with `names` only"));
             }
             Some(_) if ask.is_none() => {
-                return Err(self.error(&key("ask"), "a question: a setting with `auto` is read back"));
+                return Err(
+                    self.error(&key("ask"), "a question: a setting with `auto` is read back")
+                );
             }
             Some(auto) => Some(Auto {
                 send: self.command(&key("auto.send"), &auto.send)?,
@@ -718,9 +727,8 @@ impl Checks<'_> {
     fn response(&self, keys: &ResponseKeys) -> Result<Response, FileError> {
         match (&keys.file, &keys.a_per_w) {
             (Some(file), None) => Response::read(self.document.resolve(file)),
-            (None, Some(points)) => Response::new(points).map_err(|expected| {
-                self.error("response.a_per_w", expected).into()
-            }),
+            (None, Some(points)) => Response::new(points)
+                .map_err(|expected| self.error("response.a_per_w", expected).into()),
             _ => Err(self.error("response", "either `file` or `a_per_w`").into()),
         }
     }

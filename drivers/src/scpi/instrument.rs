@@ -74,7 +74,10 @@ impl Instrument {
             .filter(|(name, _)| !built_in.contains(name))
             .collect();
         if about.gain.is_some() {
-            own.push(("gain", "a name of the amplifier's gains: tells, as the amplifier is set by hand"));
+            own.push((
+                "gain",
+                "a name of the amplifier's gains: tells, as the amplifier is set by hand",
+            ));
         }
         link.instrument(deadline)?;
         let (lines, settle) = &about.open;
@@ -257,7 +260,14 @@ impl Instrument {
             match self.get(plan, deadline)? {
                 Value::Number(got) if close(got) => return Ok(got),
                 Value::Number(got) => last = got,
-                other => return Err(not_taken(self.device(), name, &number.to_string(), &other.to_string())),
+                other => {
+                    return Err(not_taken(
+                        self.device(),
+                        name,
+                        &number.to_string(),
+                        &other.to_string(),
+                    ));
+                }
             }
             if self.link.is_checked() {
                 break;
@@ -317,7 +327,8 @@ impl Instrument {
     }
 
     fn not_a_number(&self, question: &str) -> DeviceError {
-        let reason = format!("the answer to {question}: 9.91E37, which is SCPI's sign for no number");
+        let reason =
+            format!("the answer to {question}: 9.91E37, which is SCPI's sign for no number");
         DeviceError::Protocol { device: self.about.name, reason }
     }
 
@@ -392,7 +403,8 @@ impl Instrument {
                 }
             }
         }
-        let reason = format!("of {TRIES} readings none was said twice: a bad line, or unsteady light");
+        let reason =
+            format!("of {TRIES} readings none was said twice: a bad line, or unsteady light");
         Err(DeviceError::Protocol { device, reason })
     }
 

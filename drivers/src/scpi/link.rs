@@ -173,7 +173,11 @@ impl Link {
     ///
     /// # Errors
     /// [`DeviceError::Complained`] with the instrument's number and words, or the line's.
-    pub(super) fn tell(&mut self, commands: &[&str], deadline: &Deadline) -> Result<(), DeviceError> {
+    pub(super) fn tell(
+        &mut self,
+        commands: &[&str],
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
         twice(self.plan.device, deadline, || {
             if !self.in_step {
                 self.synchronise(deadline)?;
@@ -186,12 +190,8 @@ impl Link {
             self.in_step = true;
             let Some(first) = self.complaints(deadline)? else { return Ok(()) };
             let (device, request) = (self.plan.device, commands.join("; "));
-            let complained = DeviceError::Complained {
-                device,
-                request,
-                code: first.code,
-                said: first.text,
-            };
+            let complained =
+                DeviceError::Complained { device, request, code: first.code, said: first.text };
             // On a line that alters bytes the command itself may be at fault.
             Err(match self.plan.cable {
                 Cable::Checked => Trouble::Final(complained),

@@ -191,8 +191,13 @@ mod tests {
     fn patterns_find_the_number_and_refuse_other_answers() {
         let picoammeter = "{value}A,{number},{number}";
         assert_eq!(value(picoammeter, "1.2E-9A,12.3,0"), Some(1.2e-9));
-        assert_eq!(value(picoammeter, "+1.040564E-06A, +2.365000E+02, +0.000000E+00"), Some(1.040564e-6));
-        for other in ["1.2E-9V,12.3,0", "1.2E-9A,12.3", "1.2E-9A,12.3,0,1", "1.2E-9A,,0", "A,1,2", ""] {
+        assert_eq!(
+            value(picoammeter, "+1.040564E-06A, +2.365000E+02, +0.000000E+00"),
+            Some(1.040564e-6)
+        );
+        for other in
+            ["1.2E-9V,12.3,0", "1.2E-9A,12.3", "1.2E-9A,12.3,0,1", "1.2E-9A,,0", "A,1,2", ""]
+        {
             assert_eq!(value(picoammeter, other), None, "{other}");
         }
         assert_eq!(value("{value}", " -3.5 "), Some(-3.5));

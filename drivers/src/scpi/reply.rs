@@ -26,7 +26,6 @@ pub(crate) fn is_text(text: &str) -> bool {
     text.bytes().all(|byte| (b' '..=b'~').contains(&byte))
 }
 
-
 /// The answer to `SYST:ERR?`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Complaint {
@@ -96,7 +95,9 @@ impl Framer {
             Block::None | Block::Spoilt => Ok(byte == self.end),
             Block::Head => Ok(false),
             Block::Of { start, length } if length > LONGEST_REPLY - start => too_long(&self.bytes),
-            Block::Of { start, length } => Ok(self.bytes.len() > start + length && byte == self.end),
+            Block::Of { start, length } => {
+                Ok(self.bytes.len() > start + length && byte == self.end)
+            }
         }
     }
 }
@@ -108,7 +109,10 @@ enum Block {
     Head,
     /// It begins like a block and goes on otherwise: a line.
     Spoilt,
-    Of { start: usize, length: usize },
+    Of {
+        start: usize,
+        length: usize,
+    },
 }
 
 fn block(bytes: &[u8]) -> Block {

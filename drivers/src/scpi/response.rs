@@ -26,7 +26,8 @@ impl Response {
     /// Words that say what a table should be.
     pub fn new(points: &[[f64; 2]]) -> Result<Self, String> {
         let rising = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
-        let good = (2..=MOST).contains(&points.len()) && points.iter().all(|point| is_point(*point));
+        let good =
+            (2..=MOST).contains(&points.len()) && points.iter().all(|point| is_point(*point));
         if good && rising {
             return Ok(Self { points: points.to_vec() });
         }
@@ -75,9 +76,8 @@ impl Response {
             points.push(point);
         }
         let count = points.len();
-        Self::new(&points).map_err(|_| {
-            ParseError::new(path, format!("{count} points"), "at least 2 points")
-        })
+        Self::new(&points)
+            .map_err(|_| ParseError::new(path, format!("{count} points"), "at least 2 points"))
     }
 
     /// The first and the last wavelength, nm.

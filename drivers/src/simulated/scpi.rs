@@ -312,7 +312,9 @@ impl Instrument {
             None
         } else if meter && self.is_function(header, "RANGe[:UPPer]") {
             let ends: &[f64] = match model {
-                Model::Picoammeter => &[2.1e-9, 2.1e-8, 2.1e-7, 2.1e-6, 2.1e-5, 2.1e-4, 2.1e-3, 2.1e-2],
+                Model::Picoammeter => {
+                    &[2.1e-9, 2.1e-8, 2.1e-7, 2.1e-6, 2.1e-5, 2.1e-4, 2.1e-3, 2.1e-2]
+                }
                 _ => &[0.1, 1.0, 10.0, 100.0, 1000.0],
             };
             if let Some(asked) = self.number(rest) {
@@ -329,7 +331,13 @@ impl Instrument {
         } else if meter && self.is_function(header, "RANGe:AUTO") {
             match self.flag(rest) {
                 Some(true) => self.range = None,
-                Some(false) => self.range = self.range.or(Some(if model == Model::Picoammeter { 2.1e-2 } else { 1000.0 })),
+                Some(false) => {
+                    self.range = self.range.or(Some(if model == Model::Picoammeter {
+                        2.1e-2
+                    } else {
+                        1000.0
+                    }))
+                }
                 None => {}
             }
             None
@@ -525,7 +533,8 @@ fn fits(said: &[&str], nodes: &[(String, bool)]) -> bool {
     let taken = said.split_first().is_some_and(|(first, rest)| {
         let first = first.strip_suffix('1').unwrap_or(first);
         let short: String = node.chars().take_while(|c| !c.is_ascii_lowercase()).collect();
-        (first.eq_ignore_ascii_case(&short) || first.eq_ignore_ascii_case(node)) && fits(rest, behind)
+        (first.eq_ignore_ascii_case(&short) || first.eq_ignore_ascii_case(node))
+            && fits(rest, behind)
     });
     taken || (*optional && fits(said, behind))
 }
@@ -633,12 +642,19 @@ impl<D: Speaker> Adapter<D> {
             ("auto", None) => return say(u8::from(self.auto).to_string()),
             ("auto", value) => self.auto = value == Some("1"),
             ("read_tmo_ms", value) => {
-                self.read_timeout = Duration::from_millis(number(value).unwrap_or(500).clamp(1, 3000));
+                self.read_timeout =
+                    Duration::from_millis(number(value).unwrap_or(500).clamp(1, 3000));
             }
             ("read", _) => return self.read(now),
             ("clr", _) if self.address == self.at => self.answers.clear(),
-            ("ver", _) => return say("Prologix GPIB-ETHERNET Controller version 01.06.06.00".into()),
-            ("mode" | "eoi" | "eos" | "eot_enable" | "eot_char" | "savecfg" | "ifc" | "clr" | "loc", _) => {}
+            ("ver", _) => {
+                return say("Prologix GPIB-ETHERNET Controller version 01.06.06.00".into());
+            }
+            (
+                "mode" | "eoi" | "eos" | "eot_enable" | "eot_char" | "savecfg" | "ifc" | "clr"
+                | "loc",
+                _,
+            ) => {}
             _ => return say("Unrecognized command".to_owned()),
         }
         Vec::new()
@@ -693,7 +709,8 @@ mod tests {
         for good in ["CURR:RANG?", "sens:current:dc:rang:upper?", "SENS1:CURR:RANG:UPP?"] {
             assert!(is(good, spec), "{good}");
         }
-        for bad in ["CURR:RANG", "CURRE:RANG?", "RANG?", "CURR:RANG:AUTO?", "CURR:DC:DC:RANG?", ""] {
+        for bad in ["CURR:RANG", "CURRE:RANG?", "RANG?", "CURR:RANG:AUTO?", "CURR:DC:DC:RANG?", ""]
+        {
             assert!(!is(bad, spec), "{bad}");
         }
         assert!(is("OUTP", "OUTPut[:STATe]") && is("FETC?", "FETCh?"));

@@ -101,7 +101,7 @@ pub fn open(
             }));
         }
     };
-    let usb =
-        Usb::open(found.vendor, found.product, serial, found.endpoints.interface).map_err(transport)?;
+    let usb = Usb::open(found.vendor, found.product, serial, found.endpoints.interface)
+        .map_err(transport)?;
     Ok((usb, found.endpoints))
 }

@@ -141,7 +141,9 @@ impl<T: Transfers> Tmc<T> {
 
     fn refused_to_clear(&self, answer: &[u8]) -> DeviceError {
         let answer = crate::recording::hex_excerpt(answer);
-        self.protocol(format!("it does not clear its buffers (status {answer}): switch it off and on"))
+        self.protocol(format!(
+            "it does not clear its buffers (status {answer}): switch it off and on"
+        ))
     }
 
     fn transfer(&mut self, transfer: &Transfer, step: &Deadline) -> Result<Vec<u8>, Trouble> {
@@ -173,7 +175,9 @@ impl<T: Transfers> Tmc<T> {
             let bytes = self.transfer(&read, step)?;
             let part = MessageIn::parse(&bytes, self.tag).map_err(|error| {
                 let start = crate::recording::hex_excerpt(bytes.get(..HEADER).unwrap_or(&bytes));
-                Trouble::Again(self.protocol(format!("the answer to {question}: {error} ({start})")))
+                Trouble::Again(
+                    self.protocol(format!("the answer to {question}: {error} ({start})")),
+                )
             })?;
             answer.extend_from_slice(part.payload);
             if part.end {
@@ -225,4 +229,3 @@ impl<T: Transfers> Tmc<T> {
         Ok(())
     }
 }
-
