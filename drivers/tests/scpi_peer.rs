@@ -17,7 +17,7 @@ use sunglint_drivers::transport::serial::Serial;
 use sunglint_drivers::transport::tcp::Tcp;
 use sunglint_testkit::{peer_python, run_python};
 
-/// What a host says to a picoammeter. pyvisa-py is told to be the backend; the resource is the script's argument.
+/// The host of a picoammeter. pyvisa-py is told to be the backend; the resource is the script's argument.
 const HOST: &str = r#"
 import sys, pyvisa
 manager = pyvisa.ResourceManager("@py")

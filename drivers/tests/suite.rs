@@ -32,6 +32,7 @@ mod recording;
 mod scpi_device;
 mod scpi_faults;
 mod scpi_file;
+mod scpi_fixtures;
 mod scpi_peer;
 mod swabian_bridge;
 mod swabian_counter;

@@ -27,7 +27,7 @@ pub fn run(bytes: &[u8]) {
         assert!((1..=40).contains(&about.name().len()) && !about.unit().is_empty());
     }
     if let Ok(response) = Response::parse("response.csv", &text) {
-        let [least, most] = response.ends_nm();
+        let [least, most] = response.ends_nm().to_array();
         assert!(
             least < most && response.a_per_w(f64::midpoint(least, most)).is_some_and(|r| r > 0.0)
         );

@@ -270,8 +270,11 @@ fn not_found(what: String, hint: &str) -> DeviceError {
     DeviceError::transport(DEVICE, TransportError::NotFound { what, hint: hint.to_owned() })
 }
 
+/// Numbers (vendor, product) and serial number.
+type UsbPlace<'p> = (Option<(u16, u16)>, Option<&'p str>);
+
 /// Numbers and serial number behind `usb`.
-fn usb_place(place: &str) -> Result<(Option<(u16, u16)>, Option<&str>), DeviceError> {
+fn usb_place(place: &str) -> Result<UsbPlace<'_>, DeviceError> {
     let bad = || {
         not_found(
             place.to_owned(),

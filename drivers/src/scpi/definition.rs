@@ -4,6 +4,7 @@ use super::names::kept;
 use super::pattern::Pattern;
 use super::reply::number_at_start;
 use super::response::Response;
+use glam::DVec2;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -177,7 +178,7 @@ struct GainKeys {
 #[serde(deny_unknown_fields)]
 struct ResponseKeys {
     file: Option<String>,
-    a_per_w: Option<Vec<[f64; 2]>>,
+    a_per_w: Option<Vec<DVec2>>,
     wavelength_nm: Option<Positive>,
 }
 
@@ -374,7 +375,7 @@ impl Definition {
         if let (Some(response), Some(nm)) = (&response, wavelength_nm)
             && response.a_per_w(nm).is_none()
         {
-            let [least, most] = response.ends_nm();
+            let [least, most] = response.ends_nm().to_array();
             let expected = format!("a wavelength of the table, {least} to {most} nm");
             return Err(checks.error("response.wavelength_nm", expected).into());
         }
@@ -734,7 +735,7 @@ impl Checks<'_> {
     }
 }
 
-/// What a setting takes, in words.
+/// Values that a setting takes, in words.
 fn takes(plan: &SettingPlan) -> String {
     if !plan.names.is_empty() {
         return plan.known().join(", ");

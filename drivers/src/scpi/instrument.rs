@@ -1,4 +1,4 @@
-//! What meters, sources and power meters that a file describes have in common: settings and readings.
+//! Settings and readings of meters, sources and power meters that a file describes.
 
 use super::definition::{AUTO, Definition, DeviceKind, Fresh, Read, SettingPlan};
 use super::link::Link;
@@ -192,7 +192,7 @@ impl Instrument {
     pub fn use_wavelength(&mut self, nm: f64) -> Result<f64, DeviceError> {
         let Some(response) = &self.about.response else { return Ok(nm) };
         if response.a_per_w(nm).is_none() {
-            let [least, most] = response.ends_nm();
+            let [least, most] = response.ends_nm().to_array();
             return Err(DeviceError::OutOfRange { name: "wavelength_nm", asked: nm, least, most });
         }
         self.wavelength_nm = Some(nm);

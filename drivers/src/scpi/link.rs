@@ -36,7 +36,7 @@ pub struct Link {
     in_step: bool,
 }
 
-/// What a link has to know of the device's file.
+/// Parts of the device's file that a link needs.
 struct Plan {
     device: &'static str,
     cable: Cable,

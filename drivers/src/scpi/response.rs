@@ -1,7 +1,9 @@
 //! Responsivity of a photodiode: amperes a watt, at wavelengths.
 
+use glam::DVec2;
 use std::path::Path;
 use sunglint_formats::{FileError, ParseError, read};
+use sunglint_numerics::measured::Interval;
 
 /// The first line of a responsivity's file.
 const HEADER: &str = "wavelength_nm,responsivity_a_w";
@@ -11,21 +13,21 @@ const MOST: usize = 10_000;
 /// Responsivity between the ends of a table, linear from point to point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
-    /// Wavelength, nm, rising, and A/W above zero.
-    points: Vec<[f64; 2]>,
+    /// `x` is the wavelength, nm, rising, and `y` A/W, above zero.
+    points: Vec<DVec2>,
 }
 
-fn is_point([nm, a_per_w]: [f64; 2]) -> bool {
-    nm.is_finite() && nm > 0.0 && a_per_w.is_finite() && a_per_w > 0.0
+fn is_point(point: DVec2) -> bool {
+    point.is_finite() && point.min_element() > 0.0
 }
 
 impl Response {
-    /// A table of wavelengths, nm, and A/W.
+    /// A table: `x` is a wavelength, nm, and `y` A/W.
     ///
     /// # Errors
     /// Words that say what a table should be.
-    pub fn new(points: &[[f64; 2]]) -> Result<Self, String> {
-        let rising = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+    pub fn new(points: &[DVec2]) -> Result<Self, String> {
+        let rising = points.windows(2).all(|pair| pair[0].x < pair[1].x);
         let good =
             (2..=MOST).contains(&points.len()) && points.iter().all(|point| is_point(*point));
         if good && rising {
@@ -59,15 +61,15 @@ impl Response {
         if header.replace(' ', "") != HEADER {
             return Err(error(header, at, HEADER));
         }
-        let mut points: Vec<[f64; 2]> = Vec::new();
+        let mut points: Vec<DVec2> = Vec::new();
         for (line, at) in lines {
             let point = line.split_once(',').and_then(|(nm, a_per_w)| {
-                Some([nm.trim().parse().ok()?, a_per_w.trim().parse().ok()?])
+                Some(DVec2::new(nm.trim().parse().ok()?, a_per_w.trim().parse().ok()?))
             });
             let Some(point) = point.filter(|point| is_point(*point)) else {
                 return Err(error(line, at, "a wavelength, nm, and A/W, both above 0"));
             };
-            if points.last().is_some_and(|last| last[0] >= point[0]) {
+            if points.last().is_some_and(|last| last.x >= point.x) {
                 return Err(error(line, at, "a wavelength above that of the line before"));
             }
             if points.len() == MOST {
@@ -81,20 +83,20 @@ impl Response {
     }
 
     /// The first and the last wavelength, nm.
-    pub fn ends_nm(&self) -> [f64; 2] {
-        let end = |point: Option<&[f64; 2]>| point.map_or(f64::NAN, |point| point[0]);
-        [end(self.points.first()), end(self.points.last())]
+    pub fn ends_nm(&self) -> Interval {
+        let end = |point: Option<&DVec2>| point.map_or(f64::NAN, |point| point.x);
+        Interval::new(end(self.points.first()), end(self.points.last()))
     }
 
     /// A/W at a wavelength, nm; `None` beyond the table.
     pub fn a_per_w(&self, nm: f64) -> Option<f64> {
-        let after = self.points.partition_point(|point| point[0] < nm);
-        let [right_nm, right] = *self.points.get(after)?;
-        if right_nm == nm {
-            return Some(right);
+        let after = self.points.partition_point(|point| point.x < nm);
+        let right = *self.points.get(after)?;
+        if right.x == nm {
+            return Some(right.y);
         }
-        let [left_nm, left] = *self.points.get(after.checked_sub(1)?)?;
-        Some(left + (right - left) * ((nm - left_nm) / (right_nm - left_nm)))
+        let left = *self.points.get(after.checked_sub(1)?)?;
+        Some(left.y + (right.y - left.y) * ((nm - left.x) / (right.x - left.x)))
     }
 }
 
@@ -107,7 +109,7 @@ mod tests {
     fn responsivity_is_linear_and_ends_with_its_table() {
         let text = "# S1337, from its sheet\nwavelength_nm, responsivity_a_w\n400,0.2\n600,0.4\n\n 800 , 0.5\n";
         let response = Response::parse("s1337.csv", text).unwrap();
-        assert_eq!(response.ends_nm(), [400.0, 800.0]);
+        assert_eq!(response.ends_nm().to_array(), [400.0, 800.0]);
         for (nm, a_per_w) in [(400.0, 0.2), (500.0, 0.3), (600.0, 0.4), (800.0, 0.5)] {
             let found = response.a_per_w(nm).unwrap();
             assert!((found - a_per_w).abs() < 1e-15, "{nm}: {found}");
@@ -132,6 +134,6 @@ mod tests {
             assert!(said.starts_with(&format!("r.csv:{line}: ")) && said.contains(why), "{said}");
         }
         assert!(error(&format!("{head}400,1\n")).contains("at least 2 points"));
-        assert!(Response::new(&[[400.0, 0.1], [300.0, 0.2]]).is_err());
+        assert!(Response::new(&[DVec2::new(400.0, 0.1), DVec2::new(300.0, 0.2)]).is_err());
     }
 }
