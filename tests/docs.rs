@@ -212,6 +212,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         &["move", "sim-wheel", "2"],
         &["replay", "w.rec"],
         &["udev"],
+        &["template"],
+        &["template", "keithley6485"],
     ] {
         keys(&folder.json(&[&["devices"], command, &["--json"]].concat()), &mut printed);
     }

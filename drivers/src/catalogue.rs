@@ -36,6 +36,7 @@ mod ocean;
 pub mod opencv;
 mod options;
 mod plugged;
+mod scpi;
 mod swabian;
 mod trinamic;
 pub mod udev;
@@ -56,7 +57,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 40] = [
+pub static DRIVERS: [&Driver; 45] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -81,6 +82,9 @@ pub static DRIVERS: [&Driver; 40] = [
     &monochromators::SP2150,
     &ocean::OCEAN,
     &zwo::EFW,
+    &scpi::METERS,
+    &scpi::SOURCES,
+    &scpi::POWER_METERS,
     &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
     &apt::SIM_APT,
@@ -97,6 +101,8 @@ pub static DRIVERS: [&Driver; 40] = [
     &monochromators::SIM_SP2150,
     &ocean::SIM_OCEAN,
     &zwo::SIM_EFW,
+    &scpi::SIM_METER,
+    &scpi::SIM_SOURCE,
 ];
 
 /// Kind of a device: what it does.

@@ -16,6 +16,7 @@
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; rotation stages on the [APT](thorlabs::apt) and
 //!   [Elliptec](thorlabs::elliptec) protocols;
 //! - [`zaber`], [`newport`]: rotation stages on Zaber's ASCII protocol, and on Newport's ESP301 and SMC100;
+//! - [`scpi`]: meters, sources and power meters that a file describes, over TCP, serial ports, GPIB adapters and [`usbtmc`];
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`spectral_products`], [`acton`]: monochromators; [`ocean`]: spectrometers;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
@@ -69,6 +70,7 @@ pub mod ophir;
 pub mod ptu;
 pub mod recording;
 pub mod reply;
+pub mod scpi;
 pub mod session;
 pub mod simulated;
 pub mod spectral_products;
@@ -79,5 +81,6 @@ pub mod transport;
 pub mod trinamic;
 pub mod turning;
 mod twice;
+pub mod usbtmc;
 pub mod zaber;
 pub mod zwo;

@@ -177,7 +177,7 @@ impl Session {
             }
             End::Replay { recording, rest } => {
                 let recording = recording.take().ok_or(SessionError::Replayed)?;
-                let (line, left) = Line::replay(recording, address.driver.wire);
+                let (line, left) = Line::replay(recording, address.wire());
                 *rest.borrow_mut() = Some(left);
                 line
             }

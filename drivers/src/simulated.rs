@@ -18,6 +18,7 @@ pub mod ocean;
 pub mod ophir;
 pub mod pm100;
 pub mod power;
+pub mod scpi;
 pub mod script;
 pub mod served;
 pub mod smc100;

@@ -1,7 +1,6 @@
 //! Thorlabs: rotation stages on the [APT](apt) and [Elliptec](elliptec) protocols; power meters of the PM100 family: SCPI in USBTMC messages.
 //!
-//! - [`usbtmc`]: the messages, made and checked;
-//! - [`Tmc`]: question and answer over them, with recovery (clearing the meter's buffers) after anything that went wrong;
+//! - [`usbtmc`](crate::usbtmc): the messages, and question and answer over them ([`Tmc`]);
 //! - [`scpi`]: what the meter answers, parsed strictly;
 //! - [`Pm100`]: a [`PowerMeter`](crate::device::PowerMeter) on it;
 //! - [`find`], [`open`]: the meters that are plugged in.
@@ -19,12 +18,10 @@ pub mod apt;
 pub mod elliptec;
 mod pm100;
 pub mod scpi;
-mod session;
 mod usb;
-pub mod usbtmc;
 
+pub use crate::usbtmc::{Endpoints, Tmc, TmcSettings};
 pub use pm100::{Pm100, Pm100Settings};
-pub use session::{Endpoints, Tmc, TmcSettings};
 pub use usb::{Found, PRODUCTS, VENDOR, find, open};
 
 /// The device, in messages.

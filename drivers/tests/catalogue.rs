@@ -26,6 +26,12 @@ fn ask(name: &str, faults: Faults, seed: u64) -> (Result<usize, DeviceError>, Du
             AnyDevice::PowerMeter(meter) => {
                 meter.power(&within(10))?;
             }
+            AnyDevice::Meter(meter) => {
+                meter.read(&within(10))?;
+            }
+            AnyDevice::Source(source) => {
+                source.is_on(&within(10))?;
+            }
             AnyDevice::RotationStage(stage) => {
                 stage.angle_deg(&within(10))?;
             }

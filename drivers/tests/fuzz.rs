@@ -18,6 +18,8 @@ mod ophir;
 mod ptu;
 #[path = "../fuzz/targets/recording.rs"]
 mod recording;
+#[path = "../fuzz/targets/scpi.rs"]
+mod scpi;
 #[path = "../fuzz/targets/spectra.rs"]
 mod spectra;
 #[path = "../fuzz/targets/swabian.rs"]
@@ -35,7 +37,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 13] = [
+    let targets: [Target; 14] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
@@ -45,6 +47,7 @@ fn campaign_fuzz() {
         ("ptu", &[], ptu::run),
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
         ("spectra", &[], spectra::run),
+        ("scpi", &[], scpi::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
         ("zaber", &["fixtures/zaber"], zaber::run),

@@ -8,8 +8,8 @@ use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::simulated::Steady;
 use sunglint_drivers::simulated::pm100::{Kind, Pm100, Pm100Settings};
 use sunglint_drivers::simulated::script::{Fault, Script};
-use sunglint_drivers::thorlabs::usbtmc::{MessageIn, message_out, request_in};
 use sunglint_drivers::transport::{Transfer, Transfers as _};
+use sunglint_drivers::usbtmc::{MessageIn, message_out, request_in};
 use sunglint_testkit::{peer_python, run_python};
 
 const HOST: &str = r#"

@@ -10,9 +10,9 @@ use sunglint_drivers::ophir::reply::{
     Choice, Head, Instrument, LONGEST_LINE, Line, Ranges, Reading, Wavelengths, Zeroing,
 };
 use sunglint_drivers::ophir::{LinkSettings, Meter, MeterSettings};
-use sunglint_drivers::thorlabs::usbtmc::MessageIn;
 use sunglint_drivers::thorlabs::{Pm100, Pm100Settings, TmcSettings, scpi};
 use sunglint_drivers::transport::{Bytes, Transfer, Transfers, TransportError};
+use sunglint_drivers::usbtmc::MessageIn;
 use sunglint_drivers::zwo::report::{Info, Position, Request};
 use sunglint_drivers::zwo::{Wheel, WheelSettings};
 use sunglint_testkit::Campaign;

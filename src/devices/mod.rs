@@ -7,6 +7,7 @@ mod read;
 mod replay;
 mod serve;
 mod session;
+mod template;
 
 pub use act::{MoveArgs, SetArgs};
 pub use check::CheckArgs;
@@ -14,6 +15,7 @@ pub use list::ListArgs;
 pub use read::ReadArgs;
 pub use replay::{RecordArgs, ReplayArgs};
 pub use serve::ServeArgs;
+pub use template::TemplateArgs;
 
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
@@ -35,6 +37,8 @@ pub enum DevicesCommand {
     Replay(ReplayArgs),
     /// Serve a simulated device on a serial port or a TCP port, for other programs
     Serve(ServeArgs),
+    /// Print a file that describes an SCPI instrument, to begin with; without a name, list them
+    Template(TemplateArgs),
     /// Print the udev rules that let users reach the instruments
     Udev,
 }
@@ -66,7 +70,7 @@ impl DevicesCommand {
             Self::List(args) => Some(&args.out),
             Self::Talk(talk) => Some(talk.out()),
             Self::Replay(args) => Some(&args.out),
-            Self::Record(_) | Self::Serve(_) | Self::Udev => None,
+            Self::Record(_) | Self::Serve(_) | Self::Template(_) | Self::Udev => None,
         }
     }
 }
@@ -111,6 +115,7 @@ pub fn run(command: &DevicesCommand, console: Console) -> anyhow::Result<()> {
         DevicesCommand::Record(args) => replay::record(args, console),
         DevicesCommand::Replay(args) => replay::replay(args, console),
         DevicesCommand::Serve(args) => serve::run(args, console),
+        DevicesCommand::Template(args) => template::run(args, console),
         DevicesCommand::Udev => console.result(
             &udev::rules(),
             &serde_json::json!({ "file": udev::FILE, "folder": udev::FOLDER, "rules": udev::rules() }),

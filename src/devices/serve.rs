@@ -12,7 +12,7 @@ use sunglint_drivers::simulated::served::{Port, Pty, Served, Visit};
 /// Arguments of `sunglint devices serve`.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
-    /// The simulated device: sim-tmcl, sim-apt, sim-ophir, sim-camera, sim-rotator, sim-wheel
+    /// The simulated device: sim-tmcl, sim-apt, sim-ophir, sim-scpi, sim-camera, sim-rotator, sim-wheel
     pub address: String,
     /// Options of the device, such as latency_s=0.02; `devices list --drivers` names all
     #[arg(long = "with", value_name = "NAME=VALUE")]

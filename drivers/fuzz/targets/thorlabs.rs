@@ -1,7 +1,7 @@
 //! USBTMC messages and SCPI answers: no panic; what is read keeps its promises.
 
 use sunglint_drivers::thorlabs::scpi::{Complaint, Instrument, Reading, Sensor, flag};
-use sunglint_drivers::thorlabs::usbtmc::{HEADER, MessageIn};
+use sunglint_drivers::usbtmc::{HEADER, MessageIn};
 
 /// Tries one input.
 pub fn run(bytes: &[u8]) {

@@ -1,7 +1,7 @@
 //! Addresses of devices: a driver, where, and what it has to be told.
 
 use super::options::{OptionKind, Options};
-use super::{AnyDevice, DRIVERS, Driver, Line, opencv};
+use super::{AnyDevice, DRIVERS, Driver, Line, Wire, opencv};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use std::fmt;
@@ -63,6 +63,8 @@ impl Address {
         };
         // The mount is what `alpaca:HOST/0` means most often.
         let name = if name == "alpaca" { "alpaca-telescope" } else { name };
+        // The device's file says which of three it is.
+        let name = super::scpi::driver_of(name, options)?.unwrap_or(name);
         let driver = Driver::named(name)?;
         let place = place.filter(|place| !place.is_empty()).map(str::to_owned);
         let form = || format!("{} (such as {})", driver.form(), driver.place.example);
@@ -79,6 +81,11 @@ impl Address {
     /// The options that were given, as they are given.
     pub fn given_options(&self) -> Vec<String> {
         self.options.given()
+    }
+
+    /// Traffic on its line: its driver's, but where the place says otherwise.
+    pub fn wire(&self) -> Wire {
+        super::scpi::wire(self.driver, self.place.as_deref()).unwrap_or(self.driver.wire)
     }
 
     /// Opens a line to the device; the driver may put what it finds on the way into the address.

@@ -18,6 +18,8 @@ pub enum OptionKind {
     Pair,
     /// A time in UTC (`2026-11-24T21:00:00Z`).
     Utc,
+    /// Text: the name of a file, a name out of a file.
+    Text,
     /// One of these words, or one of them with a positive number behind a colon where it ends with one.
     Word(&'static [&'static str]),
 }
@@ -67,6 +69,7 @@ impl OptionKind {
                 sunglint_formats::time::parse_utc(text).is_ok(),
                 "a time in UTC, such as 2026-11-24T21:00:00Z".to_owned(),
             ),
+            Self::Text => (!text.is_empty(), "a name".to_owned()),
             Self::Word(words) => {
                 let (word, number) = Self::word(text);
                 let is = |known: &&str| match known.strip_suffix(':') {

@@ -76,6 +76,21 @@ pub enum DeviceError {
         /// Message of the device.
         said: String,
     },
+    /// The device put an error into its queue.
+    #[error("{device} refused {request}: error {code}, {said}")]
+    Complained {
+        /// The device.
+        device: &'static str,
+        /// Request that the device refused.
+        request: String,
+        /// The device's number of the error.
+        code: i32,
+        /// The device's words.
+        said: String,
+    },
+    /// A file that describes the device is wrong or cannot be read.
+    #[error(transparent)]
+    File(Box<sunglint_formats::FileError>),
     /// A value that this device cannot take.
     #[error("{name}: found {asked}, expected {least} to {most}")]
     OutOfRange {
@@ -259,7 +274,13 @@ impl DeviceError {
 
     /// Whether the same request will fail for ever: a value beyond the device's range, a driver that is not there, a recording that is damaged.
     pub fn is_permanent(&self) -> bool {
-        matches!(self, Self::OutOfRange { .. } | Self::Unavailable { .. } | Self::Damaged { .. })
+        matches!(
+            self,
+            Self::OutOfRange { .. }
+                | Self::Unavailable { .. }
+                | Self::Damaged { .. }
+                | Self::File(_)
+        )
     }
 
     /// Whether the same setting will fail for ever: [`is_permanent`](Self::is_permanent), a name that the device does not have, something that it cannot do.

@@ -140,8 +140,14 @@ impl<T: Bytes> Bytes for Recorded<T> {
 
     /// A recording holds one connection: what is said on the next is not part of it.
     fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
-        self.write(&Event::Fault(Fault::Disconnect), deadline)?;
-        self.inner.reconnect(deadline)
+        match self.inner.reconnect(deadline) {
+            // The line stays as it is.
+            Err(error @ TransportError::Unsupported { .. }) => Err(error),
+            done => {
+                self.write(&Event::Fault(Fault::Disconnect), deadline)?;
+                done
+            }
+        }
     }
 }
 

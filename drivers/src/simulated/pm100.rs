@@ -7,10 +7,10 @@
 use super::power::{PowerSource, mean_w};
 use super::script::Script;
 use crate::clock::Deadline;
-use crate::thorlabs::usbtmc::{
+use crate::transport::{Transfer, Transfers, TransportError};
+use crate::usbtmc::{
     CHECK_CLEAR_STATUS, HEADER, IN, INITIATE_CLEAR, OUT, STATUS_PENDING, STATUS_SUCCESS,
 };
-use crate::transport::{Transfer, Transfers, TransportError};
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;

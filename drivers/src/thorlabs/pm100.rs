@@ -2,13 +2,13 @@
 
 use super::DEVICE;
 use super::scpi::{Complaint, Instrument, Reading, Sensor, flag};
-use super::session::{Tmc, TmcSettings};
 use crate::clock::Deadline;
 use crate::device::{
     Device, DeviceError, Identity, Origin, Power, PowerMeter, Setting, Value, not_taken,
 };
 use crate::reply::{integer, number, power_w};
 use crate::transport::Transfers;
+use crate::usbtmc::{Tmc, TmcSettings};
 use std::time::Duration;
 use sunglint_numerics::measured::Interval;
 
@@ -58,7 +58,7 @@ impl<T: Transfers> Pm100<T> {
     ) -> Result<Self, DeviceError> {
         /// More complaints than the queue of any meter holds.
         const MOST: usize = 64;
-        let mut tmc = Tmc::new(usb, tmc);
+        let mut tmc = Tmc::new(DEVICE, usb, tmc);
         tmc.ask_as("*IDN?", Instrument::parse, deadline)?;
         let mut old = 0;
         while tmc.ask_as("SYST:ERR?", Complaint::parse, deadline)?.code != 0 {

@@ -2,7 +2,8 @@
 
 pub use crate::reply::ReplyError;
 use crate::reply::{integer, number};
-use std::fmt;
+pub use crate::scpi::reply::Complaint;
+use crate::scpi::reply::{fields, is_text};
 
 /// The answer to `*IDN?`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -15,25 +16,6 @@ pub struct Instrument {
     pub serial: String,
     /// The firmware's version.
     pub firmware: String,
-}
-
-/// Cuts a list at its commas, not at those within quotes; quotes around a field are taken off.
-fn fields(text: &str) -> Vec<String> {
-    let mut fields = vec![String::new()];
-    let mut quoted = false;
-    for character in text.chars() {
-        match (character, fields.last_mut()) {
-            ('"', _) => quoted = !quoted,
-            (',', _) if !quoted => fields.push(String::new()),
-            (other, Some(field)) => field.push(other),
-            (_, None) => {}
-        }
-    }
-    fields.iter().map(|field| field.trim().to_owned()).collect()
-}
-
-fn is_text(text: &str) -> bool {
-    text.bytes().all(|byte| (b' '..=b'~').contains(&byte))
 }
 
 impl Instrument {
@@ -110,35 +92,6 @@ impl Sensor {
 
 fn is_none(name: &str) -> bool {
     name.eq_ignore_ascii_case("no sensor")
-}
-
-/// The answer to `SYST:ERR?`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Complaint {
-    /// SCPI's number; 0 is no error.
-    pub code: i32,
-    /// The meter's words.
-    pub text: String,
-}
-
-impl Complaint {
-    /// Reads `0,"No error"`.
-    ///
-    /// # Errors
-    /// Anything else.
-    pub fn parse(text: &str) -> Result<Self, ReplyError> {
-        let error = || ReplyError::new(text, "a number and words such as `0,\"No error\"`");
-        let (code, words) = text.split_once(',').ok_or_else(error)?;
-        let words = words.trim().strip_prefix('"').and_then(|words| words.strip_suffix('"'));
-        let words = words.filter(|_| is_text(text)).ok_or_else(error)?;
-        Ok(Self { code: integer(code.trim()).map_err(|_| error())?, text: words.to_owned() })
-    }
-}
-
-impl fmt::Display for Complaint {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, {}", self.code, self.text)
-    }
 }
 
 /// A number that may be beyond what can be measured.

@@ -1,11 +1,11 @@
 //! The meters that are plugged in.
 
 use super::DEVICE;
-use super::session::Endpoints;
 use crate::device::DeviceError;
 use crate::transport::TransportError;
 use crate::transport::usb::Usb;
-use rusb::{Context, Device, Direction, TransferType, UsbContext as _};
+use crate::usbtmc::{Endpoints, endpoints};
+use rusb::{Context, Device, UsbContext as _};
 
 /// Thorlabs' number.
 pub const VENDOR: u16 = 0x1313;
@@ -45,30 +45,6 @@ fn about(device: &Device<Context>) -> Option<Found> {
     let handle = device.open().ok();
     let serial = handle.and_then(|handle| handle.read_serial_number_string_ascii(&descriptor).ok());
     Some(Found { product, name, serial, endpoints: endpoints(device) })
-}
-
-/// The first interface of class FE (application), subclass 03 (test and measurement).
-fn endpoints(device: &Device<Context>) -> Option<Endpoints> {
-    let configuration =
-        device.active_config_descriptor().or_else(|_| device.config_descriptor(0)).ok()?;
-    configuration.interfaces().flat_map(|interface| interface.descriptors()).find_map(|found| {
-        if (found.class_code(), found.sub_class_code()) != (0xfe, 0x03) {
-            return None;
-        }
-        let bulk = |direction| {
-            let mut all = found.endpoint_descriptors();
-            let one = all.find(|endpoint| {
-                endpoint.transfer_type() == TransferType::Bulk && endpoint.direction() == direction
-            });
-            one.map(|endpoint| endpoint.address())
-        };
-        let interface = found.interface_number();
-        Some(Endpoints {
-            interface,
-            bulk_in: bulk(Direction::In)?,
-            bulk_out: bulk(Direction::Out)?,
-        })
-    })
 }
 
 /// The meters that are plugged in.

@@ -6,6 +6,7 @@ pub mod efw;
 pub mod indi;
 pub mod ophir;
 pub mod pm100;
+pub mod scpi;
 pub mod swabian;
 pub mod turning;
 pub mod umockdev;

@@ -152,6 +152,7 @@ fn takes(spec: &OptionSpec) -> String {
         OptionKind::Flag => "yes or no".into(),
         OptionKind::Pair => "FROM,TO".into(),
         OptionKind::Utc => "a time in UTC".into(),
+        OptionKind::Text => "a name".into(),
         OptionKind::Word(words) => words
             .iter()
             .map(|w| if w.ends_with(':') { format!("{w}NUMBER") } else { (*w).into() })

@@ -1,7 +1,6 @@
 //! Question and answer in USBTMC messages.
 
-use super::DEVICE;
-use super::usbtmc::{
+use super::message::{
     CHECK_CLEAR_STATUS, HEADER, INITIATE_CLEAR, MessageIn, STATUS_PENDING, STATUS_SUCCESS,
     message_out, next_tag, request_in,
 };
@@ -50,13 +49,15 @@ impl Default for TmcSettings {
     }
 }
 
-/// A session with a meter.
+/// A session with an instrument.
 ///
-/// A message from the meter carries the tag of its request, not of the question: an answer that was not fetched would be
-/// taken for the next question's. So the meter's buffers are cleared (INITIATE_CLEAR) after everything that went wrong, and
+/// A message from the instrument carries the tag of its request, not of the question: an answer that was not fetched would be
+/// taken for the next question's. So the instrument's buffers are cleared (INITIATE_CLEAR) after everything that went wrong, and
 /// the question is then asked once more.
 #[derive(Debug)]
 pub struct Tmc<T> {
+    /// Name of the instrument in messages.
+    device: &'static str,
     usb: T,
     settings: TmcSettings,
     tag: u8,
@@ -65,14 +66,10 @@ pub struct Tmc<T> {
     stalled: bool,
 }
 
-fn protocol(reason: String) -> DeviceError {
-    DeviceError::Protocol { device: DEVICE, reason }
-}
-
 impl<T: Transfers> Tmc<T> {
-    /// A session over `usb`; nothing is said yet.
-    pub fn new(usb: T, settings: TmcSettings) -> Self {
-        Self { usb, settings, tag: 0, in_step: !settings.clear_first, stalled: false }
+    /// A session over `usb` with an instrument that messages call `device`; nothing is said yet.
+    pub fn new(device: &'static str, usb: T, settings: TmcSettings) -> Self {
+        Self { device, usb, settings, tag: 0, in_step: !settings.clear_first, stalled: false }
     }
 
     /// The USB device.
@@ -95,7 +92,7 @@ impl<T: Transfers> Tmc<T> {
     /// # Errors
     /// It could not be sent, twice.
     pub fn tell(&mut self, command: &str, deadline: &Deadline) -> Result<(), DeviceError> {
-        twice(DEVICE, deadline, || {
+        twice(self.device, deadline, || {
             self.prepare(deadline)?;
             let step = deadline.at_most(self.settings.reply_within);
             self.send(command, &step)?;
@@ -115,14 +112,14 @@ impl<T: Transfers> Tmc<T> {
         parse: impl Fn(&str) -> Result<V, ReplyError>,
         deadline: &Deadline,
     ) -> Result<V, DeviceError> {
-        twice(DEVICE, deadline, || {
+        twice(self.device, deadline, || {
             self.prepare(deadline)?;
             let step = deadline.at_most(self.settings.reply_within);
             self.send(question, &step)?;
             let answer = self.fetch(question, &step)?;
             let text = String::from_utf8_lossy(&answer);
             let value = parse(text.trim_end_matches(['\r', '\n'])).map_err(|error| {
-                Trouble::Again(protocol(format!("the answer to {question}: {error}")))
+                Trouble::Again(self.protocol(format!("the answer to {question}: {error}")))
             })?;
             self.in_step = true;
             Ok(value)
@@ -138,6 +135,17 @@ impl<T: Transfers> Tmc<T> {
         Ok(())
     }
 
+    fn protocol(&self, reason: String) -> DeviceError {
+        DeviceError::Protocol { device: self.device, reason }
+    }
+
+    fn refused_to_clear(&self, answer: &[u8]) -> DeviceError {
+        let answer = crate::recording::hex_excerpt(answer);
+        self.protocol(format!(
+            "it does not clear its buffers (status {answer}): switch it off and on"
+        ))
+    }
+
     fn transfer(&mut self, transfer: &Transfer, step: &Deadline) -> Result<Vec<u8>, Trouble> {
         let answer = self.usb.transfer(transfer, step);
         if let Err(TransportError::Stalled { .. }) = answer {
@@ -146,14 +154,16 @@ impl<T: Transfers> Tmc<T> {
         Ok(answer?)
     }
 
-    fn send(&mut self, command: &str, step: &Deadline) -> Result<(), Trouble> {
+    /// Sends a line, without recovery.
+    pub(crate) fn send(&mut self, command: &str, step: &Deadline) -> Result<(), Trouble> {
         self.tag = next_tag(self.tag);
         let data = message_out(self.tag, format!("{command}\n").as_bytes());
         let endpoint = self.settings.endpoints.bulk_out;
         self.transfer(&Transfer::BulkOut { endpoint, data }, step).map(|_| ())
     }
 
-    fn fetch(&mut self, question: &str, step: &Deadline) -> Result<Vec<u8>, Trouble> {
+    /// Fetches the answer to a question, without recovery.
+    pub(crate) fn fetch(&mut self, question: &str, step: &Deadline) -> Result<Vec<u8>, Trouble> {
         let Endpoints { bulk_in, bulk_out, .. } = self.settings.endpoints;
         let mut answer = Vec::new();
         // Each part brings at least a byte.
@@ -165,7 +175,9 @@ impl<T: Transfers> Tmc<T> {
             let bytes = self.transfer(&read, step)?;
             let part = MessageIn::parse(&bytes, self.tag).map_err(|error| {
                 let start = crate::recording::hex_excerpt(bytes.get(..HEADER).unwrap_or(&bytes));
-                Trouble::Again(protocol(format!("the answer to {question}: {error} ({start})")))
+                Trouble::Again(
+                    self.protocol(format!("the answer to {question}: {error} ({start})")),
+                )
             })?;
             answer.extend_from_slice(part.payload);
             if part.end {
@@ -173,15 +185,15 @@ impl<T: Transfers> Tmc<T> {
             }
             if part.payload.is_empty() {
                 let reason = format!("the answer to {question}: an empty part of a message");
-                return Err(Trouble::Again(protocol(reason)));
+                return Err(Trouble::Again(self.protocol(reason)));
             }
         }
         let reason = format!("the answer to {question} has more than {LONGEST_ANSWER} bytes");
-        Err(Trouble::Again(protocol(reason)))
+        Err(Trouble::Again(self.protocol(reason)))
     }
 
-    /// Empties the meter's buffers (USBTMC 4.2.1.6 and 4.2.1.7) and sets its endpoints going.
-    fn clear(&mut self, step: &Deadline) -> Result<(), Trouble> {
+    /// Empties the instrument's buffers (USBTMC 4.2.1.6 and 4.2.1.7) and sets its endpoints going.
+    pub(crate) fn clear(&mut self, step: &Deadline) -> Result<(), Trouble> {
         let Endpoints { interface, bulk_in, bulk_out } = self.settings.endpoints;
         let control = |request, length| Transfer::ControlIn {
             request_type: 0xa1,
@@ -192,7 +204,7 @@ impl<T: Transfers> Tmc<T> {
         };
         let answer = self.transfer(&control(INITIATE_CLEAR, 1), step)?;
         if answer.first() != Some(&STATUS_SUCCESS) {
-            return Err(Trouble::Again(refused_to_clear(&answer)));
+            return Err(Trouble::Again(self.refused_to_clear(&answer)));
         }
         loop {
             let answer = self.transfer(&control(CHECK_CLEAR_STATUS, 2), step)?;
@@ -204,7 +216,7 @@ impl<T: Transfers> Tmc<T> {
                         self.transfer(&Transfer::BulkIn { endpoint: bulk_in, length: ROOM }, step)?;
                     }
                 }
-                _ => return Err(Trouble::Again(refused_to_clear(&answer))),
+                _ => return Err(Trouble::Again(self.refused_to_clear(&answer))),
             }
             step.sleep(Duration::from_millis(10)).map_err(TransportError::from)?;
         }
@@ -216,9 +228,4 @@ impl<T: Transfers> Tmc<T> {
         self.in_step = true;
         Ok(())
     }
-}
-
-fn refused_to_clear(answer: &[u8]) -> DeviceError {
-    let answer = crate::recording::hex_excerpt(answer);
-    protocol(format!("it does not clear its buffers (status {answer}): switch it off and on"))
 }
