@@ -38,7 +38,9 @@ pub enum RunError {
         error: Box<DeviceError>,
     },
     /// A device that does not do what it is told.
-    #[error("at {at}, the {device} stands at {stands}, not at {asked}: look at the device and its cable")]
+    #[error(
+        "at {at}, the {device} stands at {stands}, not at {asked}: look at the device and its cable"
+    )]
     NotThere {
         /// Where the run was.
         at: String,
@@ -158,7 +160,8 @@ impl Pace {
         let stands = self.ask((device, timeout_s), at, notes, |deadline| {
             monochromator.move_to(nm, deadline).map_err(|interrupted| *interrupted.error)
         })?;
-        if !((stands - nm).abs() <= tolerance_nm) {
+        let is_there = (stands - nm).abs() <= tolerance_nm;
+        if !is_there {
             return Err(RunError::NotThere { at: at.to_owned(), device, stands, asked: nm });
         }
         Ok(stands)

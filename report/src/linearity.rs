@@ -150,7 +150,7 @@ fn figure(name: &str, choice: &Choice, rows: &[Row]) -> Option<Figure> {
     let fitted = shown(choice)?;
     let lit: Vec<&Row> = rows.iter().filter(|r| r.true_hz > 0.0 && r.measured_hz > 0.0).collect();
     let (first, last) = (lit.first()?.true_hz, lit.last()?.true_hz);
-    if !(last > first) {
+    if last <= first {
         return None;
     }
     let along = |value: fn(&Row) -> f64| -> Vec<(f64, f64)> {
@@ -160,7 +160,6 @@ fn figure(name: &str, choice: &Choice, rows: &[Row]) -> Option<Figure> {
         .map(|k| first * (last / first).powf(f64::from(k) / 100.0))
         .filter_map(|n| Some((n, fitted.law.counted_hz(n)? / n)))
         .collect();
-    let off = |value: fn(&Row) -> f64| along(value);
     let panels = vec![
         Panel::new(
             Axis::log("light (Hz without loss)"),
@@ -174,9 +173,9 @@ fn figure(name: &str, choice: &Choice, rows: &[Row]) -> Option<Figure> {
             Axis::log("light (Hz without loss)"),
             Axis::linear("measured over law, less 1"),
             vec![
-                Series::dots("measured", 1, off(|r| r.measured_hz / r.counted_hz - 1.0)),
-                Series::line("σ", 5, off(|r| r.sigma_hz / r.counted_hz)),
-                Series::line("minus σ", 5, off(|r| -r.sigma_hz / r.counted_hz)),
+                Series::dots("measured", 1, along(|r| r.measured_hz / r.counted_hz - 1.0)),
+                Series::line("σ", 5, along(|r| r.sigma_hz / r.counted_hz)),
+                Series::line("minus σ", 5, along(|r| -r.sigma_hz / r.counted_hz)),
             ],
         ),
     ];

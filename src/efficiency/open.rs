@@ -57,7 +57,10 @@ pub(super) fn meter(
         AnyMeter::Power(_) => Unit::W.name().to_owned(),
     };
     if has != unit.name() {
-        bail!("meter.unit = \"{}\", but {address} reads {has}: say unit = \"{has}\", or name another meter", unit.name());
+        bail!(
+            "meter.unit = \"{}\", but {address} reads {has}: say unit = \"{has}\", or name another meter",
+            unit.name()
+        );
     }
     Ok(found)
 }

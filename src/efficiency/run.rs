@@ -104,11 +104,8 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     });
     let mut text = report::text(&found);
     if let Some(drift) = made.drift {
-        text += &format!(
-            "reference {} readings, range {:.2} %\n",
-            drift.readings,
-            100.0 * drift.range
-        );
+        text +=
+            &format!("reference {} readings, range {:.2} %\n", drift.readings, 100.0 * drift.range);
     }
     super::finish(&out, &found, product, &text, console)
 }
@@ -233,7 +230,8 @@ fn take(
     let places = visits(&plan.measuring);
     let finished = done(before);
     let left = places.iter().filter(|v| !finished.contains(&(v.part, v.number))).count();
-    console.say(&format!("{left} of {} places are left (dark, reference, wavelengths)", places.len()));
+    console
+        .say(&format!("{left} of {} places are left (dark, reference, wavelengths)", places.len()));
     let bar = Arc::new(Bar::new(console));
     bar.begin("run", Some(left as u64));
     log.watch(Box::new(Live { bar: bar.clone(), console, step }));

@@ -22,6 +22,9 @@ use sunglint_radiometry::station::DeadTime;
 pub const TELLS: f64 = 9.2;
 /// Rise of χ² at the ends of an interval of 95 %.
 const RISE: f64 = 3.841_459;
+/// Shortest and longest time that is tried, over the time between counts at the brightest: the shortest is none.
+const LEAST_TIME: f64 = 1e-7;
+const MOST_TIME: f64 = 1e7;
 /// Standard deviations of χ² beyond which a law does not fit.
 const MISFIT: f64 = 5.0;
 
@@ -277,17 +280,15 @@ struct Data<'a> {
     scatter: f64,
     /// Scale of the dark rate in the vector, Hz.
     dark_scale_hz: f64,
+    /// The largest rate, Hz.
+    most_hz: f64,
 }
 
 impl<'a> Data<'a> {
     fn new(exposures: &'a [Exposure], steps: &'a [Transmission]) -> Result<Self, FitError> {
         for (k, e) in exposures.iter().enumerate() {
-            let bad = |name, found, expected| FitError::Exposure {
-                number: k + 1,
-                name,
-                found,
-                expected,
-            };
+            let bad =
+                |name, found, expected| FitError::Exposure { number: k + 1, name, found, expected };
             if !(e.exposure_s.is_finite() && e.exposure_s > 0.0) {
                 return Err(bad("exposure_s", e.exposure_s, "a number above 0"));
             }
@@ -318,13 +319,10 @@ impl<'a> Data<'a> {
             }
         }
         // One transmission is the unit, unless one is known: then they are what they are known to be.
-        let exact = |t: &Transmission| {
-            matches!(t, Transmission::Known { relative_sigma, .. } if *relative_sigma == 0.0)
-        };
+        let exact = |t: &Transmission| matches!(t, Transmission::Known { relative_sigma, .. } if *relative_sigma == 0.0);
         let is_known = |t: &Transmission| matches!(t, Transmission::Known { .. });
-        let unit = (steps.iter().position(exact))
-            .or_else(|| steps.iter().position(is_known))
-            .unwrap_or(0);
+        let unit =
+            (steps.iter().position(exact)).or_else(|| steps.iter().position(is_known)).unwrap_or(0);
         let mut free_steps = 0;
         let used = |k: usize| groups.iter().any(|g| g.iter().any(|l| l.step == k));
         let free_step: Vec<Option<usize>> = (0..steps.len())
@@ -336,14 +334,12 @@ impl<'a> Data<'a> {
                 })
             })
             .collect();
-        let known = (0..steps.len())
-            .filter(|k| *k != unit && used(*k) && is_known(&steps[*k]))
-            .count();
+        let known =
+            (0..steps.len()).filter(|k| *k != unit && used(*k) && is_known(&steps[*k])).count();
         let has_dark = groups.iter().any(|g| g.is_empty());
         let unknowns = levels + free_steps + usize::from(has_dark);
-        let exact_known = known - (0..steps.len())
-            .filter(|k| free_step[*k].is_some() && is_known(&steps[*k]))
-            .count();
+        let exact_known = known
+            - (0..steps.len()).filter(|k| free_step[*k].is_some() && is_known(&steps[*k])).count();
         // A law takes one more at least; exactly known steps are no unknowns already.
         let priors = known - exact_known;
         if groups.len() + priors <= unknowns {
@@ -351,8 +347,9 @@ impl<'a> Data<'a> {
         }
         let scatter = scatter(exposures, &group, groups.len());
         let dark = exposures.iter().filter(|e| e.lights.is_empty());
-        let (counts, time) =
-            dark.fold((0, 0.0), |(c, t), e| (c + e.counts, t + e.exposure_s));
+        let (counts, time) = dark.fold((0, 0.0), |(c, t), e| (c + e.counts, t + e.exposure_s));
+        let rates = exposures.iter().map(|e| e.counts as f64 / e.exposure_s);
+        let most_hz = rates.fold(0.0, f64::max).max(1e-3);
         let dark_scale_hz = if time > 0.0 { (counts.max(1)) as f64 / time } else { 1.0 };
         Ok(Self {
             exposures,
@@ -366,7 +363,13 @@ impl<'a> Data<'a> {
             known: priors,
             scatter,
             dark_scale_hz,
+            most_hz,
         })
+    }
+
+    /// Logarithms of the shortest and the longest time that is tried, s.
+    fn reach(&self) -> (f64, f64) {
+        ((LEAST_TIME / self.most_hz).ln(), (MOST_TIME / self.most_hz).ln())
     }
 
     fn unknowns(&self) -> usize {
@@ -487,6 +490,7 @@ impl<'a> Data<'a> {
         fixed: &[usize],
     ) -> (Vec<f64>, f64) {
         let free: Vec<usize> = (0..from.len()).filter(|k| !fixed.contains(k)).collect();
+        let (times, (least, most)) = (kind.values().len(), self.reach());
         let mut x = from.to_vec();
         let mut at = self.residuals(kind, &x, sigma_hz);
         let mut chi2 = at.norm_squared();
@@ -507,8 +511,11 @@ impl<'a> Data<'a> {
                 };
                 let mut next = x.clone();
                 for (k, place) in free.iter().enumerate() {
-                    // A step of e² at most: the logarithm of a time that is not there has no end.
                     next[*place] -= step[k].clamp(-2.0, 2.0);
+                    // The logarithm of a time that is not there has no end.
+                    if *place < times {
+                        next[*place] = next[*place].clamp(least, most);
+                    }
                 }
                 let there = self.residuals(kind, &next, sigma_hz);
                 let new = there.norm_squared();
@@ -546,10 +553,7 @@ impl<'a> Data<'a> {
 
     /// The best of a law from several beginnings.
     fn fitted(&self, kind: Kind) -> Result<Fitted, FitError> {
-        let most_hz = means(self.exposures, &self.group, self.groups.len())
-            .into_iter()
-            .fold(0.0, f64::max)
-            .max(1e-3);
+        let most_hz = self.most_hz;
         let times = kind.values().len();
         let beginnings: Vec<Vec<f64>> = match kind {
             Kind::None => vec![vec![]],
@@ -648,7 +652,7 @@ impl<'a> Data<'a> {
         sigma_hz: &[f64],
         place: usize,
     ) -> (f64, f64) {
-        let rise = RISE * self.scatter;
+        let (rise, (least, most)) = (RISE * self.scatter, self.reach());
         let profile = |from: &[f64], value: f64| {
             let mut x = from.to_vec();
             x[place] = value;
@@ -660,7 +664,7 @@ impl<'a> Data<'a> {
             // Out to where it has risen, and back by halves.
             let outside = loop {
                 let value = inside[place] + sign * step;
-                if (value - x[place]).abs() > 14.0 {
+                if value <= least || value >= most {
                     return sign * f64::INFINITY;
                 }
                 let (there, above) = profile(&inside, value);

@@ -1,8 +1,8 @@
 //! A detector's efficiency by a run's file: the sensor, the photodiodes, splitter and filters, and the tables of readings.
 
 use super::{
-    Aperture, Counting, Efficiency, EfficiencyError, Extrapolation, ExtrapolationLaw, Factor, Lookup, Photodiode, Reading, Sensor,
-    Set, reduce, to_curve,
+    Aperture, Counting, Efficiency, EfficiencyError, Extrapolation, ExtrapolationLaw, Factor,
+    Lookup, Photodiode, Reading, Sensor, Set, reduce, to_curve,
 };
 use crate::detector::{DetectorError, Linearity};
 use serde::Deserialize;

@@ -103,8 +103,7 @@ impl LogLine for Line {
         let value = |name: &str, unit: &str, about: &str| {
             Column::f64(name, Some(unit), vec![]).described(about)
         };
-        let whole =
-            |name: &str, about: &str| Column::i64(name, None, vec![]).described(about);
+        let whole = |name: &str, about: &str| Column::i64(name, None, vec![]).described(about);
         let note = "readings count once a line `kept` of their part and number follows them";
         Table {
             meta: [("note".to_owned(), json!(note))].into_iter().collect(),

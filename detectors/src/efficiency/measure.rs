@@ -72,16 +72,8 @@ fn all(
         let (what, value, state) = (What::Word, f64::NAN, State::Again);
         record.line(&Line { time_s, what, value, state, exposure_s: f64::NAN, ..last.clone() })?;
     }
-    let mut run = Run {
-        rig,
-        plan,
-        zero_s,
-        record,
-        nm: None,
-        stands_nm: None,
-        slot: None,
-        is_closed: None,
-    };
+    let mut run =
+        Run { rig, plan, zero_s, record, nm: None, stands_nm: None, slot: None, is_closed: None };
     let begun = done.iter().any(|(part, _)| *part == Part::Step);
     if begun && !left.is_empty() {
         let next = |of: Part| {
@@ -227,7 +219,8 @@ impl Run<'_, '_> {
                         meter.set_wavelength_nm(nm, deadline)
                     })?;
                     // It takes whole nanometres at the coarsest.
-                    if !((set - nm).abs() <= 1.0) {
+                    let is_set = (set - nm).abs() <= 1.0;
+                    if !is_set {
                         let at = at.to_owned();
                         return Err(RunError::NotThere { at, device, stands: set, asked: nm });
                     }
@@ -236,9 +229,8 @@ impl Run<'_, '_> {
             }
             None if self.stands_nm.is_none() => {
                 let wait = ("monochromator", plan.timeout_s.get());
-                let stands = pace.ask(wait, at, &mut notes, |deadline| {
-                    monochromator.wavelength_nm(deadline)
-                })?;
+                let stands = pace
+                    .ask(wait, at, &mut notes, |deadline| monochromator.wavelength_nm(deadline))?;
                 self.stands_nm = Some(stands);
                 Ok(())
             }

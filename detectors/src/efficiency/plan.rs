@@ -18,7 +18,9 @@ pub enum PlanError {
     #[error(transparent)]
     File(#[from] FileError),
     /// Sensor, photodiode or filters that the reduction would not take.
-    #[error("{file}: the tables [sensor], [photodiode] and what stands before them, as efficiency.toml would have them")]
+    #[error(
+        "{file}: the tables [sensor], [photodiode] and what stands before them, as efficiency.toml would have them"
+    )]
     Known {
         /// The plan.
         file: String,
@@ -598,9 +600,8 @@ fn known(document: &Document, name: &str, unit: Unit) -> Result<toml::Table, Par
         Some(toml::Value::Table(photodiode)) => photodiode,
         _ => return Err(document.error_at("photodiode", "a table")),
     };
-    let refused = |key: &str, expected: &str| {
-        Err(document.error_at(&format!("photodiode.{key}"), expected))
-    };
+    let refused =
+        |key: &str, expected: &str| Err(document.error_at(&format!("photodiode.{key}"), expected));
     match unit {
         Unit::V => {}
         Unit::A if photodiode.contains_key("load_ohm") => {

@@ -8,7 +8,9 @@ use super::plan::RunPlan;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use sunglint_calibration::efficiency::{EfficiencyError, EfficiencyRunError, Set, read_run, reduce};
+use sunglint_calibration::efficiency::{
+    EfficiencyError, EfficiencyRunError, Set, read_run, reduce,
+};
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_materials::reading::State;
@@ -262,11 +264,7 @@ impl Darks {
         let (low, high, part) = self.about(time_s);
         let (a, b) = (&self.at[low], &self.at[high]);
         let value = (1.0 - part) * a.1 + part * b.1;
-        let own = if low == high {
-            a.2
-        } else {
-            (1.0 - part).powi(2) * a.2 + part * part * b.2
-        };
+        let own = if low == high { a.2 } else { (1.0 - part).powi(2) * a.2 + part * part * b.2 };
         (value, own + self.bend)
     }
 
@@ -288,10 +286,11 @@ fn unrest(places: &[Place], noise: Noise, darks: &Darks) -> f64 {
         let dark = darks.photodiode(place.time_s).0;
         let light = place.light() - dark;
         let sigma2 = noise.variance(place.light());
-        let mean_readings = place.readings.iter().map(Vec::len).sum::<usize>() as f64
-            / place.readings.len() as f64;
+        let mean_readings =
+            place.readings.iter().map(Vec::len).sum::<usize>() as f64 / place.readings.len() as f64;
         // Below ten standard deviations the light is noise more than anything.
-        if !(light > 10.0 * (sigma2 / mean_readings).sqrt()) {
+        let is_bright = light > 10.0 * (sigma2 / mean_readings).sqrt();
+        if !is_bright {
             continue;
         }
         let ratio: Vec<f64> = (place.exposures.iter().zip(place.points.windows(2)))
@@ -421,9 +420,11 @@ fn drift(plan: &RunPlan, text: &str, folder: &Path) -> Result<Drift, TableError>
         for reading in &set.readings {
             let one = Set { readings: vec![*reading], ..set.clone() };
             let rows = reduce(&[one], &parts.sensor)?.rows;
-            found.extend(rows.iter().filter(|r| r.efficiency.is_finite()).map(|r| {
-                (r.efficiency, r.components.own().max(1e-12 * r.efficiency.abs()))
-            }));
+            found.extend(
+                rows.iter()
+                    .filter(|r| r.efficiency.is_finite())
+                    .map(|r| (r.efficiency, r.components.own().max(1e-12 * r.efficiency.abs()))),
+            );
         }
     }
     let n = found.len();

@@ -36,9 +36,7 @@ impl LogLine for Line {
         "go on with it (--resume), fit it anew (--reduce), or name another folder";
 
     fn header() -> Table {
-        let value = |name: &str, about: &str| {
-            Column::f64(name, Some("s"), vec![]).described(about)
-        };
+        let value = |name: &str, about: &str| Column::f64(name, Some("s"), vec![]).described(about);
         let whole = |name: &str, about: &str| Column::i64(name, None, vec![]).described(about);
         let note = "each line is an exposure, whole";
         Table {

@@ -90,7 +90,12 @@ fn all(
             };
             let time_s = rig.pace.now_s() - zero_s;
             let number_text = number as u32;
-            record.line(&Line { time_s, number: number_text, counts, exposure_s: plan.exposure_s })?;
+            record.line(&Line {
+                time_s,
+                number: number_text,
+                counts,
+                exposure_s: plan.exposure_s,
+            })?;
             record.sync()?;
             done[number] += 1;
         }
@@ -126,18 +131,17 @@ fn prepare(
             let limits = ("source", of.timeout_s.map_or(TIMEOUT_S, Positive::get));
             if let Some(level) = level.and_then(|number| of.levels.get(number)) {
                 let asked = level.get();
-                let stands = pace.ask(limits, at, &mut notes, |deadline| {
-                    source.set_level(asked, deadline)
-                })?;
+                let stands =
+                    pace.ask(limits, at, &mut notes, |deadline| source.set_level(asked, deadline))?;
                 // The level's own value does not count, only that it comes again.
-                if !((stands - asked).abs() <= 0.05 * asked) {
+                let is_set = (stands - asked).abs() <= 0.05 * asked;
+                if !is_set {
                     let (at, device) = (at.to_owned(), "source");
                     return Err(RunError::NotThere { at, device, stands, asked });
                 }
             }
             let on = level.is_some();
-            let is_on =
-                pace.ask(limits, at, &mut notes, |deadline| source.switch(on, deadline))?;
+            let is_on = pace.ask(limits, at, &mut notes, |deadline| source.switch(on, deadline))?;
             if is_on != on {
                 let (stands, asked) = (f64::from(u8::from(is_on)), f64::from(u8::from(on)));
                 let (at, device) = (at.to_owned(), "source");

@@ -176,7 +176,10 @@ impl LinearityPlan {
         }
         let wheel = written.wheel.as_ref();
         if !(1..=2).contains(&written.source.len()) {
-            return Err(wrong("source", "one [[source]], or two that are measured alone and together"));
+            return Err(wrong(
+                "source",
+                "one [[source]], or two that are measured alone and together",
+            ));
         }
         let steps = wheel.map_or(&[][..], |wheel| &wheel.steps[..]);
         if wheel.is_some() && steps.is_empty() {
@@ -195,7 +198,10 @@ impl LinearityPlan {
         }
         for source in &written.source {
             if source.levels.iter().any(|level| level.get() == 0.0) {
-                return Err(wrong("source.levels", "levels above 0: the dark is measured by scan.dark"));
+                return Err(wrong(
+                    "source.levels",
+                    "levels above 0: the dark is measured by scan.dark",
+                ));
             }
         }
         let devices = [("counter.device", Some(&written.counter.device))]

@@ -59,7 +59,8 @@ pub fn table_csv(name: &str, choice: &Choice, fitted: &Fitted) -> String {
 /// The station's keys of the law that the data tell, or of the table where they cannot tell; none where no law fits.
 #[must_use]
 pub fn law_toml(choice: &Choice) -> Option<String> {
-    let mut text = String::from("# For [channel.counter] of a station; values with their 95 % intervals.\n");
+    let mut text =
+        String::from("# For [channel.counter] of a station; values with their 95 % intervals.\n");
     match choice.told() {
         Some(fitted) => {
             let _ = writeln!(text, "dead_time_model = \"{}\"", fitted.name);
@@ -68,7 +69,8 @@ pub fn law_toml(choice: &Choice) -> Option<String> {
             }
             for found in &fitted.found {
                 let (name, value) = (found.name, found.value);
-                let _ = writeln!(text, "{name} = {value:.4}   # {:.4} to {:.4}", found.low, found.high);
+                let _ =
+                    writeln!(text, "{name} = {value:.4}   # {:.4} to {:.4}", found.low, found.high);
             }
         }
         None => {

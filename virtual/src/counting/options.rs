@@ -6,7 +6,7 @@
 //! [lamp]
 //! temperature_k = 3000          # a black body behind quartz
 //! shortest_nm = 330             # below it the quartz and the air pass nothing
-//! intensity_w_per_sr_nm = 1e-6  # at its peak, behind the exit slit
+//! intensity_w_per_sr_nm = 3e-6  # at its peak, behind the exit slit
 //! drift_per_h = 0.0             # relative
 //! flicker = 0.0                 # of each reading and exposure, relative standard deviation
 //!
@@ -45,7 +45,7 @@
 //! recovery_ns = 50              # of a pixel
 //! pulse_ns = 20                 # at the comparator
 //! dark_hz = 300
-//! transmission = 1e-4           # of what stands before it
+//! transmission = 1e-2           # of what stands before it
 //! area_mm2 = 0.005
 //! distance_mm = 160
 //!
@@ -110,7 +110,7 @@ section!(
         /// Shortest wavelength that leaves the lamp, nm.
         shortest_nm: f64 = 330.0,
         /// Radiant intensity at the black body's peak, W sr⁻¹ nm⁻¹.
-        intensity_w_per_sr_nm: f64 = 1e-6,
+        intensity_w_per_sr_nm: f64 = 3e-6,
         /// Relative change, per hour.
         drift_per_h: f64 = 0.0,
         /// Relative standard deviation of each reading and exposure.
@@ -196,7 +196,7 @@ section!(
         /// Events in the dark, Hz.
         dark_hz: f64 = 300.0,
         /// Transmission of what stands before it.
-        transmission: f64 = 1e-4,
+        transmission: f64 = 1e-2,
         /// Area, mm².
         area_mm2: f64 = 0.005,
         /// Distance from the exit slit, mm.
