@@ -164,11 +164,11 @@ impl Bench {
 /// Truth: the rig's Gaussian efficiency, its photons counted one by one; each run draws what the certificate, the amplifier, the areas, distances, filter, dead time and wavelength are really
 /// off by from what the plan states of their uncertainty. The lamp drifts and flickers, the photodiode has noise and a zero that drifts, the grating a second order of 10 %.
 ///
-/// Promise: η at one wavelength of a run (another one each time) within 2 σ of the truth in 95 % of runs (binomial p > 0.01), and so at all wavelengths together in 93 % or more: those of a run share most
-/// of their error, so that a hundred runs are a hundred draws.
+/// Promise: η at one wavelength of a run (another one each time) within 2 σ of the truth in 95 % of runs (binomial p > 0.01), and at all wavelengths of all runs together in 94.5 % or more: those of a run share most
+/// of their error, so that a thousand runs are a thousand draws (±0.7 %).
 #[test]
 fn campaign_efficiency_run() {
-    let mut campaign = Campaign::start("efficiency_run", 100);
+    let mut campaign = Campaign::start("efficiency_run", 1000);
     let (mut missed, mut outside, mut all, mut largest) = (0, 0, 0, 0.0_f64);
     for seed in campaign.seeds() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1000 + seed);
@@ -208,8 +208,8 @@ fn campaign_efficiency_run() {
         "{missed} of {runs} runs, {outside} of {all} wavelengths beyond 2 sigma, {largest:.2}"
     );
     assert!(chance_of_misses(runs, missed, 0.05) > 0.01, "{missed} of {runs}");
-    if runs == 100 {
-        assert!(outside as f64 <= 0.07 * all as f64, "{outside} of {all}");
+    if runs == 1000 {
+        assert!(outside as f64 <= 0.055 * all as f64, "{outside} of {all}");
         campaign.largest("share_of_runs_beyond_2_sigma", missed as f64 / runs as f64);
         campaign.largest("share_of_wavelengths_beyond_2_sigma", outside as f64 / all as f64);
     }
@@ -294,7 +294,8 @@ fn what_goes_wrong_is_said() {
     assert_eq!((calm.unrest, calm.warnings.len()), (0.0, 0), "{:?}", calm.warnings);
     let drift = calm.drift.unwrap();
     assert_eq!((drift.readings, drift.relative_sigma), (6, 0.0));
-    assert!((calm.noise / 1e-4 - 1.0).abs() < 0.2, "{}", calm.noise);
+    // 48 pairs of dark readings tell it to an eighth.
+    assert!((calm.noise / 1e-4 - 1.0).abs() < 0.4, "{}", calm.noise);
     // Over the range.
     let mut options = Options::default();
     options.photodiode.most_v = 0.2;

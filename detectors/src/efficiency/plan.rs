@@ -428,7 +428,7 @@ impl RunPlan {
         let stem = document.path().file_stem().unwrap_or_default().to_string_lossy();
         let name = written.name.unwrap_or_else(|| stem.into_owned());
         let known = known(document, &name, written.meter.unit)?;
-        let made = Document::new(document.path().with_file_name(super::RUN), &text(&known))?;
+        let made = Document::new(document.path().with_file_name(super::RUN), text(&known))?;
         check_run(&made).map_err(|source| PlanError::Known {
             file: document.path().display().to_string(),
             source: Box::new(source),
