@@ -454,3 +454,27 @@ fn lines_come_back_from_their_folder() {
         assert_eq!((a.slot, a.state, a.wavelength_nm), (b.slot, b.state, b.wavelength_nm));
     }
 }
+
+/// The plan of docs/lab-efficiency.md on the rig as it is by default. Truth: its Gaussian efficiency, within 3.5 of the stated σ at each wavelength, and from 550 to 850 nm within 1 % in the mean.
+#[test]
+fn the_pages_plan_gives_the_rigs_efficiency() {
+    let page =
+        std::fs::read_to_string(sunglint_testkit::repository().join("docs/lab-efficiency.md"));
+    let page = page.unwrap();
+    let blocks = page.split("```toml\n").skip(1).map(|b| b.split("```").next().unwrap());
+    let text = blocks.into_iter().find(|b| b.contains("[scan]\nfrom_nm")).unwrap();
+    let bench = Bench::new(text, Options::default());
+    let (made, found) = bench.whole();
+    assert_eq!((made.steps, made.warnings.len()), (26, 0), "{:?}", made.warnings);
+    let mut off = vec![];
+    for row in &found.efficiency.rows {
+        let truth = bench.options.efficiency(row.wavelength_nm);
+        let pull = (row.efficiency - truth) / row.components.total();
+        assert!(pull.abs() < 3.5, "{} nm: {pull}", row.wavelength_nm);
+        if (550.0..=850.0).contains(&row.wavelength_nm) {
+            off.push(row.efficiency / truth - 1.0);
+        }
+    }
+    let mean = off.iter().sum::<f64>() / off.len() as f64;
+    assert!(mean.abs() < 0.01, "{mean}");
+}
