@@ -478,3 +478,56 @@ fn the_pages_plan_gives_the_rigs_efficiency() {
     let mean = off.iter().sum::<f64>() / off.len() as f64;
     assert!(mean.abs() < 0.01, "{mean}");
 }
+
+/// Truth: eta = rate h c / (lambda P) by hand, with equal areas and distances: of a power meter P is its reading, of a meter in A the reading over the responsivity; a counter with many pixels and one with a table
+/// count as their laws say (1 % less at the rate of the reading).
+#[test]
+fn power_meters_currents_and_laws_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("responsivity.csv", "wavelength_nm,responsivity_a_per_w\n400,0.5\n1000,0.5\n");
+    write("steps.csv", "wavelength_nm,photodiode_v,counts,exposure_s\n500,1e-12,1e6,10\n");
+    write("linearity.csv", "measured_hz,true_hz\n0,0\n100000,101000\n200000,202000\n");
+    let hc = 6.626_070_15e-34 * 299_792_458.0 / 500e-9;
+    let eta = |diode: &str, law: &str| {
+        let place = "area_mm2 = 1\ndistance_mm = 100\n";
+        let text = format!(
+            "[sensor]\nkind = \"counter\"\n{law}\n{place}[[set]]\nreadings = \"steps.csv\"\n[set.photodiode]\n{diode}\n{place}"
+        );
+        write("efficiency.toml", &text);
+        reduce_run(&folder.path().join("efficiency.toml")).map(|r| r.efficiency.rows[0].efficiency)
+    };
+    let none = "dead_time_model = \"none\"";
+    let near =
+        |found: f64, truth: f64| assert!((found / truth - 1.0).abs() < 1e-3, "{found} {truth}");
+    near(eta("power_meter = true", none).unwrap(), 1e5 * hc / 1e-12);
+    let current = "responsivity = \"responsivity.csv\"\nload_ohm = 1";
+    near(eta(current, none).unwrap(), 1e5 * hc / 2e-12);
+    let table = "dead_time_model = \"table\"\nlinearity = \"linearity.csv\"";
+    near(eta(current, table).unwrap(), 1.01e5 * hc / 2e-12);
+    // 1e5 Hz that are counted of n: n exp(-n w) with w = 100 ns, pixels far from busy.
+    let pixels =
+        "dead_time_model = \"multi_pixel\"\npixels = 1000\nrecovery_ns = 1\npulse_ns = 100";
+    near(eta(current, pixels).unwrap(), 1.01015e5 * hc / 2e-12);
+    for (diode, law, words) in [
+        ("power_meter = true\nload_ohm = 1", none, "photodiode.load_ohm"),
+        (current, "dead_time_model = \"multi_pixel\"\npixels = 3", "sensor.recovery_ns"),
+        (current, "dead_time_model = \"none\"\ndead_time_ns = 3", "sensor.dead_time_ns"),
+        ("load_ohm = 1", none, "photodiode.responsivity"),
+    ] {
+        let error = eta(diode, law).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    // A plan says the unit, and the reduction's file follows.
+    let document = |unit: &str, diode: &str| {
+        let text = PLAN_TEXT.replace("[dark]", &format!("[meter]\nunit = \"{unit}\"\n[dark]"));
+        let text = text.replace("load_ohm = 1e9\nload_relative_sigma = 0.005\n", "");
+        let text = text.replace("responsivity = \"responsivity.csv\"\n", diode);
+        Document::new(folder.path().join("plan.toml"), &text).unwrap()
+    };
+    let plan =
+        RunPlan::new(&document("A", "responsivity = \"responsivity.csv\"\n"), Some("")).unwrap();
+    assert!(plan.known_text().contains("load_ohm = 1.0"), "{}", plan.known_text());
+    let plan = RunPlan::new(&document("W", ""), Some("")).unwrap();
+    assert!(plan.known_text().contains("power_meter = true"), "{}", plan.known_text());
+}
