@@ -381,7 +381,7 @@ pub struct RunPlan {
     pub name: String,
     /// What is measured.
     pub measuring: Measuring,
-    /// The run's file for the reduction, its paths as the plan has them; `readings` is [`super::tables`]'.
+    /// The run's file for the reduction, its paths as the plan has them; `readings` names the scan's table.
     pub known: toml::Table,
     /// The plan's file.
     pub path: PathBuf,
