@@ -180,7 +180,7 @@ impl Command {
             Command::Archive(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Brdf(command) => command.output(),
-            Command::Efficiency(args) => Some(&args.out),
+            Command::Efficiency(args) => Some(args.output()),
             Command::Devices(command) => command.output(),
             Command::Calibrate(args) => Some(&args.out),
             Command::Apply(args) => Some(&args.out),

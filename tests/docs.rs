@@ -270,6 +270,20 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&run), &mut printed);
     keys(&folder.json(&["brdf", "ingest", "bench/", "--json"]), &mut printed);
     keys(&folder.json(&["efficiency", "efficiency.toml", "--json"]), &mut printed);
+    let block = |key: &str| page_toml("lab-efficiency.md", key);
+    for (file, text) in [
+        ("scan.toml", block("[scan]\nfrom_nm").replace("step_nm = 20", "step_nm = 100")),
+        ("steps.toml", block("[[wheel.step]]")),
+        ("source.toml", block("sources = {")),
+    ] {
+        std::fs::write(folder.path(file), text.replace("\"rig.toml\"", "\"counter.toml\""))
+            .unwrap();
+    }
+    std::fs::write(folder.path("counter.toml"), "").unwrap();
+    let scan = ["efficiency", "run", "scan.toml", "--json", "-o", "scanned/"];
+    keys(&folder.json(&scan), &mut printed);
+    let steps = ["efficiency", "linearity", "steps.toml", "--json", "-o", "dead/"];
+    keys(&folder.json(&steps), &mut printed);
     // Values of a lobe, a law and a material of them; spectra of a detector that joins another.
     let mut values =
         String::from("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr\n");

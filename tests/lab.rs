@@ -524,3 +524,52 @@ fn an_efficiency_from_files() {
         "{said}"
     );
 }
+
+/// The page's commands as they stand: a rig driven from plan to curve, and a dead time from steps of light, on the page's virtual rigs. Truth: the rig's Gaussian efficiency (0.3 at 650 nm), within 3.5 of its stated σ, and in the mean from 550 to 850 nm within 1 %
+/// (the photodiode's certificate and the filter are right there); its dead time of 1 µs within 1 %. A run that is there is not overwritten; the folder's own file is reduced to the same curve.
+#[test]
+fn a_detectors_rig_from_plan_to_curve() {
+    let folder = Folder::new("efficiency-run");
+    let block = |key: &str| page_toml("lab-efficiency.md", key);
+    std::fs::write(folder.path("plan.toml"), block("[scan]\nfrom_nm")).unwrap();
+    std::fs::write(folder.path("rig.toml"), "").unwrap();
+    std::fs::write(folder.path("steps.toml"), block("[[wheel.step]]")).unwrap();
+    std::fs::write(folder.path("source.toml"), block("sources = {")).unwrap();
+    let diode = sunglint_virtual::counting::options::Options::default().photodiode;
+    let mut curve = String::from("wavelength_nm,responsivity_a_per_w\n");
+    for (nm, value) in diode.wavelength_nm.iter().zip(&diode.responsivity_a_per_w) {
+        curve += &format!("{nm},{value}\n");
+    }
+    std::fs::write(folder.path("responsivity.csv"), curve).unwrap();
+    let json = folder.json(&["efficiency", "run", "plan.toml", "-o", "id400/", "--json"]);
+    assert_eq!((&json["wavelengths"], &json["run"]["steps_left"]), (&26.into(), &0.into()));
+    assert_eq!(json["run"]["drift"]["relative_sigma"], 0.0);
+    let table = ecsv::read(folder.path("id400/efficiency.ecsv")).unwrap();
+    let nm = table.f64("wavelength_nm").unwrap();
+    let [eta, sigma] = ["efficiency", "sigma_efficiency"].map(|c| table.f64(c).unwrap());
+    let mut off = vec![];
+    for (k, nm) in nm.iter().enumerate() {
+        let truth = 0.3 * (-((nm - 650.0) / 180.0_f64).powi(2)).exp();
+        assert!((eta[k] - truth).abs() < 3.5 * sigma[k], "{nm} nm: {} {truth}", eta[k]);
+        if (550.0..=850.0).contains(nm) {
+            off.push(eta[k] / truth - 1.0);
+        }
+    }
+    let mean = off.iter().sum::<f64>() / off.len() as f64;
+    assert!(off.len() > 10 && mean.abs() < 0.01, "{mean}");
+    let said = folder.refused(1, &["efficiency", "run", "plan.toml", "-o", "id400/", "--force"]);
+    assert!(said.contains("readings are never overwritten"), "{said}");
+    folder.done(&["efficiency", "id400/efficiency.toml", "-q", "-o", "again/"]);
+    let [one, two] = ["id400", "again"].map(|f| folder.path(f).join("efficiency.csv"));
+    assert_eq!(std::fs::read(one).unwrap(), std::fs::read(two).unwrap());
+    folder.done(&["efficiency", "run", "plan.toml", "-q", "--reduce", "--force", "-o", "id400/"]);
+    let json =
+        folder.json(&["efficiency", "linearity", "steps.toml", "-o", "dead_time/", "--json"]);
+    assert_eq!(json["told"], "non_paralysable");
+    let found = &json["laws"][0]["found"][0];
+    let ns = found["value"].as_f64().unwrap();
+    assert!((ns / 1000.0 - 1.0).abs() < 0.01, "{found}");
+    let keys = std::fs::read_to_string(folder.path("dead_time/dead_time.toml")).unwrap();
+    assert!(keys.contains("dead_time_model = \"non_paralysable\""), "{keys}");
+    folder.refused(2, &["efficiency", "run", "plan.toml"]);
+}

@@ -20,6 +20,7 @@ fn set(readings: Vec<Reading>) -> Set {
         readings,
         photodiode: Photodiode {
             responsivity: table("responsivity", &[(400.0, 0.1), (1100.0, 0.6)], 0.02),
+            extrapolation: None,
             load_ohm: 1e6,
             load_relative_sigma: 0.005,
             aperture: aperture(100.0, 200.0),
@@ -106,6 +107,7 @@ fn photon_events_give_their_efficiency() {
             exposure_s: 2.0,
             dark_counts: chance.counts(800.0, 4.0, dead_time_s),
             dark_exposure_s: 4.0,
+            ..Reading::default()
         });
     }
     let found = reduce(&[set(readings)], &sensor(dead_time_s)).unwrap();

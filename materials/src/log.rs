@@ -1,6 +1,6 @@
 //! The folder of a run: lines as they were read, what happened, and the files that it was begun with. Its files only grow.
 //!
-//! A line is a [`LogLine`]: the runs of [`crate::retro`] and [`crate::goniometer`] have one each. A reading is on the disk when [`Record::sync`] returns; a last
+//! A line is a [`LogLine`]: the runs of [`crate::retro`] and [`crate::goniometer`] have one each, and so have those of other rigs. A reading is on the disk when [`Record::sync`] returns; a last
 //! line that was cut off by a crash is found and removed when the run goes on.
 
 use hifitime::Epoch;
@@ -193,12 +193,14 @@ pub fn refuse_begun<L: LogLine>(folder: &Path) -> Result<(), LogError> {
 }
 
 /// Cells of text that came from a device, as a table of commas holds them.
-pub(crate) fn quoted(text: &str) -> String {
+#[must_use]
+pub fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 /// A number as a table of commas holds it: nothing where there is none.
-pub(crate) fn number(value: f64) -> String {
+#[must_use]
+pub fn number(value: f64) -> String {
     if value.is_nan() { String::new() } else { format!("{value:e}") }
 }
 

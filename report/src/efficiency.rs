@@ -49,7 +49,7 @@ pub fn text(run: &EfficiencyRun) -> String {
         let c = &row.components;
         let _ = writeln!(
             text,
-            "of that   counts {:.5}, photodiode {:.5}, wavelength {:.5}, linearity {:.5}, responsivity {:.5}, load {:.5}, geometry {:.5}, transmissions {:.5}",
+            "of that   counts {:.5}, photodiode {:.5}, wavelength {:.5}, linearity {:.5}, responsivity {:.5}, load {:.5}, geometry {:.5}, transmissions {:.5}, drift {:.5}",
             c.counts,
             c.photodiode,
             c.wavelength,
@@ -57,7 +57,8 @@ pub fn text(run: &EfficiencyRun) -> String {
             c.responsivity,
             c.load,
             c.geometry,
-            c.transmissions
+            c.transmissions,
+            c.drift
         );
     }
     text
@@ -116,6 +117,7 @@ fn figure(found: &Efficiency, name: &str) -> Option<Figure> {
         Series::line("load", 5, part(|r| r.components.load)),
         Series::line("geometry", 6, part(|r| r.components.geometry)),
         Series::line("transmissions", 7, part(|r| r.components.transmissions)),
+        Series::line("drift", 8, part(|r| r.components.drift)),
     ];
     let nm = || Axis::linear("vacuum wavelength (nm)");
     let drawn = |series: &[Series], least: f64| {

@@ -57,6 +57,7 @@ pub mod goto;
 pub mod import;
 mod inputs;
 pub mod intensity;
+pub mod linearity;
 mod lines;
 pub mod map;
 mod numbers;

@@ -8,7 +8,7 @@ mod ndf;
 mod page;
 mod plan;
 pub mod retro;
-mod rig;
+pub(crate) mod rig;
 mod run;
 mod show;
 

@@ -1,4 +1,4 @@
-//! Devices, clock and hands of a run on a lab rig: what `retro` and `run` have in common.
+//! Devices, clock and hands of a run on a lab rig: what the runs of `brdf` and `efficiency` have in common.
 
 use crate::interrupt::{Hangup, listen as listen_for};
 use crate::output::{Console, OutputArgs, Usage};
@@ -16,11 +16,11 @@ use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
 use sunglint_materials::retro::measure::{Hands, HandsError};
 
 /// How long opening a device, and finding a stage's reference, may take.
-pub(super) const OPEN: Duration = Duration::from_secs(30);
-pub(super) const HOME: Duration = Duration::from_secs(300);
+pub(crate) const OPEN: Duration = Duration::from_secs(30);
+pub(crate) const HOME: Duration = Duration::from_secs(300);
 
 /// The one folder that is asked for, whether its name ends with `/` or not, and the same as the place for results.
-pub(super) fn folder(out: &OutputArgs, example: &str) -> anyhow::Result<(PathBuf, OutputArgs)> {
+pub(crate) fn folder(out: &OutputArgs, example: &str) -> anyhow::Result<(PathBuf, OutputArgs)> {
     let [folder] = &out.output[..] else {
         let text = format!("give one folder for the run, such as -o {example}/");
         return Err(Usage(text).into());
@@ -39,7 +39,7 @@ pub(super) fn folder(out: &OutputArgs, example: &str) -> anyhow::Result<(PathBuf
 }
 
 /// The clock, and where the run's zero is on it. A virtual run goes on a minute after it broke off.
-pub(super) fn clock(
+pub(crate) fn clock(
     is_virtual: bool,
     begun: bool,
     first_utc: Option<Epoch>,
@@ -61,7 +61,7 @@ pub(super) fn clock(
 }
 
 /// Ctrl-C stops the run in good order, twice at once; while a person is asked nothing moves and nothing is unsafe.
-pub(super) fn listen(
+pub(crate) fn listen(
     cancel: &Cancel,
     asking: &Arc<AtomicBool>,
     console: Console,
@@ -76,7 +76,8 @@ pub(super) fn listen(
     })
 }
 
-fn device(
+/// Opens the device of an address.
+pub(crate) fn device(
     address: &str,
     with: &[String],
     within: &dyn Fn() -> Deadline,
@@ -87,7 +88,7 @@ fn device(
 }
 
 /// Opens the rotation stage of an address; `key` names it in errors.
-pub(super) fn stage(
+pub(crate) fn stage(
     key: &str,
     address: &str,
     with: &[String],
@@ -100,7 +101,7 @@ pub(super) fn stage(
 }
 
 /// Opens the power meter of an address.
-pub(super) fn meter(
+pub(crate) fn meter(
     address: &str,
     with: &[String],
     within: &dyn Fn() -> Deadline,
@@ -113,13 +114,13 @@ pub(super) fn meter(
 }
 
 /// Who a device says it is, with all its settings.
-pub(super) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::Result<Value> {
+pub(crate) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::Result<Value> {
     let within = || Deadline::after(clock.clock.clone(), OPEN);
     Ok(sunglint_report::devices::described(device, &within)?)
 }
 
 /// Somebody at the rig.
-pub(super) struct Person {
+pub(crate) struct Person {
     pub yes: bool,
     pub asking: Arc<AtomicBool>,
     pub console: Console,

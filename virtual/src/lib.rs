@@ -1,5 +1,6 @@
 //! Nights and lab rigs whose truth is known, behind the devices' traits. They share no formula with what is tested on them.
 //!
+//! - [`counting`]: a lamp, a monochromator, a photodiode and a detector that counts;
 //! - [`focus`]: a focuser with play, and a camera behind it;
 //! - [`goniometer`]: a sample, a lamp and a detector on arms, with axes that are off;
 //! - [`observatory`]: a night: photon events, frames, stars, weather;
@@ -7,6 +8,7 @@
 //! - [`telescope`]: a mount with motors and gears, and a finder;
 //! - [`options`]: what the tables of options of both have in common.
 
+pub mod counting;
 pub mod focus;
 pub mod goniometer;
 pub mod observatory;

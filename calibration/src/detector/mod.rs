@@ -34,6 +34,7 @@
 //! ```
 
 mod fine;
+pub mod fit;
 mod glint;
 mod intervals;
 mod law;

@@ -15,11 +15,11 @@ mod run;
 mod table;
 
 pub use reduce::reduce;
-pub use run::{EfficiencyRun, EfficiencyRunError, reduce_run};
+pub use run::{EfficiencyRun, EfficiencyRunError, Parts, check_run, read_run, reduce_run};
 pub use table::{to_curve, to_table};
 
 use crate::detector::Linearity;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 bitflags::bitflags! {
@@ -44,6 +44,10 @@ bitflags::bitflags! {
         const UNTRUSTED = 1 << 7;
         /// Readings of this wavelength disagree by more than their uncertainties.
         const DISAGREE = 1 << 8;
+        /// The responsivity is that of a stated law beyond its table.
+        const EXTRAPOLATED = 1 << 9;
+        /// No filter kept the grating's second order away.
+        const SECOND_ORDER = 1 << 10;
     }
 }
 
@@ -66,6 +70,10 @@ pub struct Reading {
     pub dark_counts: f64,
     /// In this time, s.
     pub dark_exposure_s: f64,
+    /// Relative standard uncertainty by what a reference wavelength drifted between its readings.
+    pub drift_relative: f64,
+    /// Whether the grating's second order may be in the light.
+    pub second_order: bool,
 }
 
 /// A table over wavelength, on straight lines between its points.
@@ -99,11 +107,34 @@ pub struct Aperture {
     pub distance_sigma_mm: f64,
 }
 
+/// Law of a photodiode's responsivity beyond the ends of its table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExtrapolationLaw {
+    /// As many electrons per photon as at the end of the table: the responsivity is proportional to the wavelength.
+    ConstantQuantumEfficiency,
+    /// The straight line through the last two points of the table, and 0 where that is below 0.
+    Linear,
+}
+
+/// Responsivity beyond the ends of a photodiode's table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extrapolation {
+    /// Its law.
+    pub law: ExtrapolationLaw,
+    /// First and last wavelength for which it is taken, nm.
+    pub within_nm: (f64, f64),
+    /// Relative standard uncertainty that it adds to that of the table.
+    pub relative_sigma: f64,
+}
+
 /// The photodiode of a set of readings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photodiode {
     /// Responsivity, A W⁻¹.
     pub responsivity: Factor,
+    /// Responsivity beyond the table; none where there is none.
+    pub extrapolation: Option<Extrapolation>,
     /// Load or amplifier, V A⁻¹.
     pub load_ohm: f64,
     /// Relative standard uncertainty of the value before.
@@ -176,6 +207,8 @@ pub struct Components {
     pub geometry: f64,
     /// Splitter and filters.
     pub transmissions: f64,
+    /// Change of the rig between readings of its reference wavelength.
+    pub drift: f64,
 }
 
 impl Components {
@@ -188,7 +221,7 @@ impl Components {
     pub fn total(&self) -> f64 {
         let Self { wavelength, linearity, responsivity, load, geometry, transmissions, .. } = self;
         let common = wavelength.hypot(*linearity).hypot(*responsivity).hypot(*load);
-        self.own().hypot(common).hypot(geometry.hypot(*transmissions))
+        self.own().hypot(common).hypot(geometry.hypot(*transmissions)).hypot(self.drift)
     }
 }
 
@@ -241,6 +274,12 @@ impl fmt::Display for Note {
             EfficiencyFlags::NOT_COVERED => "beyond the table of responsivity, splitter or filter",
             EfficiencyFlags::MISSING => "a reading is missing",
             EfficiencyFlags::UNTRUSTED => "the law of the dead time is not trusted at these rates",
+            EfficiencyFlags::EXTRAPOLATED => {
+                "beyond the photodiode's table its responsivity is that of the stated law"
+            }
+            EfficiencyFlags::SECOND_ORDER => {
+                "no filter kept the grating's second order away: light of half the wavelength may be in both readings"
+            }
             _ => "readings of one wavelength disagree: their uncertainty was made larger by that",
         };
         write!(f, "{count} wavelengths from {from} to {to} nm: {what}")
@@ -334,6 +373,43 @@ impl Lookup {
         let width = self.wavelength_nm[high] - self.wavelength_nm[low];
         let part = if width > 0.0 { (nm - self.wavelength_nm[low]) / width } else { 0.0 };
         Some(self.value[low] + part * (self.value[high] - self.value[low]))
+    }
+}
+
+impl Lookup {
+    /// Returns the value at a wavelength beyond the table by a law of it.
+    fn beyond(&self, law: ExtrapolationLaw, nm: f64) -> Option<f64> {
+        let last = self.value.len().checked_sub(1)?;
+        // The end that is nearer, and its neighbour.
+        let (end, next) = if nm < self.wavelength_nm[0] {
+            (0, 1.min(last))
+        } else {
+            (last, last.saturating_sub(1))
+        };
+        let (x, y) = (self.wavelength_nm[end], self.value[end]);
+        match law {
+            ExtrapolationLaw::ConstantQuantumEfficiency => Some(y * nm / x),
+            ExtrapolationLaw::Linear => {
+                let width = self.wavelength_nm[next] - x;
+                if width == 0.0 {
+                    return None;
+                }
+                Some((y + (self.value[next] - y) / width * (nm - x)).max(0.0))
+            }
+        }
+    }
+}
+
+impl Photodiode {
+    /// Returns the responsivity at a wavelength, A W⁻¹, its relative standard uncertainty, and whether it lies beyond the table; none where nothing is known.
+    pub fn responsivity_at(&self, nm: f64) -> Option<(f64, f64, bool)> {
+        let sigma = self.responsivity.relative_sigma;
+        if let Some(value) = self.responsivity.value.at(nm) {
+            return Some((value, sigma, false));
+        }
+        let beyond = self.extrapolation.filter(|e| nm >= e.within_nm.0 && nm <= e.within_nm.1)?;
+        let value = self.responsivity.value.beyond(beyond.law, nm)?;
+        Some((value, sigma.hypot(beyond.relative_sigma), true))
     }
 }
 

@@ -72,6 +72,9 @@ fn check_set(set: &Set) -> Result<(), EfficiencyError> {
     positive("photodiode's load, Ω", diode.load_ohm)?;
     size("relative uncertainty of the load", diode.load_relative_sigma)?;
     size("uncertainty of the wavelength, nm", set.wavelength_sigma_nm)?;
+    if let Some(beyond) = &diode.extrapolation {
+        size("relative uncertainty of the extrapolation", beyond.relative_sigma)?;
+    }
     let factors = set.towards_photodiode.iter().chain(&set.towards_sensor);
     for factor in factors.chain([&diode.responsivity]) {
         size(&format!("relative uncertainty of {}", factor.name), factor.relative_sigma)?;
@@ -100,6 +103,9 @@ fn check_reading(set: usize, reading: usize, r: &Reading) -> Result<(), Efficien
     if r.sigma_v.is_nan() || r.sigma_v < 0.0 {
         return bad("sigma_photodiode_v", r.sigma_v, "a number of 0 or above");
     }
+    if r.drift_relative.is_nan() || r.drift_relative < 0.0 {
+        return bad("sigma_drift_relative", r.drift_relative, "a number of 0 or above");
+    }
     Ok(())
 }
 
@@ -109,6 +115,7 @@ struct Way {
     responsivity: f64,
     transmissions: f64,
     geometry: f64,
+    extrapolated: bool,
 }
 
 fn way(set: &Set, sensor: &Sensor, nm: f64) -> Option<Way> {
@@ -118,7 +125,7 @@ fn way(set: &Set, sensor: &Sensor, nm: f64) -> Option<Way> {
         })
     };
     let diode = &set.photodiode;
-    let responsivity = diode.responsivity.value.at(nm)?;
+    let (responsivity, responsivity_sigma, extrapolated) = diode.responsivity_at(nm)?;
     let (to_diode, diode_sigma) = product(&set.towards_photodiode)?;
     let (to_sensor, sensor_sigma) = product(&set.towards_sensor)?;
     let seen = |a: &Aperture| a.area_mm2 / (a.distance_mm * a.distance_mm);
@@ -129,9 +136,10 @@ fn way(set: &Set, sensor: &Sensor, nm: f64) -> Option<Way> {
     let watt_per_volt = share / (diode.load_ohm * responsivity);
     Some(Way {
         watt_per_volt,
-        responsivity: diode.responsivity.relative_sigma,
+        responsivity: responsivity_sigma,
         transmissions: diode_sigma.hypot(sensor_sigma),
         geometry: seen_sigma(&sensor.aperture).hypot(seen_sigma(&diode.aperture)),
+        extrapolated,
     })
     .filter(|way| way.watt_per_volt.is_finite() && way.watt_per_volt > 0.0)
 }
@@ -190,6 +198,7 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
         readings: 1,
         flags: EfficiencyFlags::empty(),
     };
+    row.flags.set(EfficiencyFlags::SECOND_ORDER, r.second_order);
     let read = [r.photodiode_v, r.photodiode_dark_v, r.counts, r.dark_counts];
     if read.iter().any(|x| !x.is_finite()) {
         row.flags |= EfficiencyFlags::MISSING;
@@ -206,6 +215,7 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
         row.flags |= EfficiencyFlags::NOT_COVERED;
         return row;
     };
+    row.flags.set(EfficiencyFlags::EXTRAPOLATED, way.extrapolated);
     row.photons_hz = volts * way.watt_per_volt * r.wavelength_nm / HC_J_NM;
     if no_light || row.flags.contains(EfficiencyFlags::SATURATED) || row.rate_hz.is_nan() {
         return row;
@@ -222,6 +232,7 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
         load: eta * set.photodiode.load_relative_sigma,
         geometry: eta * way.geometry,
         transmissions: eta * way.transmissions,
+        drift: eta * r.drift_relative,
     };
     let own = row.components.own();
     row.flags.set(EfficiencyFlags::NEGATIVE, row.efficiency < 0.0);
@@ -299,6 +310,7 @@ fn merged(rows: &[Row]) -> Row {
         load: mean(&|r| r.components.load),
         geometry: mean(&|r| r.components.geometry),
         transmissions: mean(&|r| r.components.transmissions),
+        drift: mean(&|r| r.components.drift),
     };
     flags.set(EfficiencyFlags::DISAGREE, disagree);
     flags.set(EfficiencyFlags::NEGATIVE, efficiency < 0.0);

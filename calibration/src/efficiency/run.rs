@@ -1,8 +1,8 @@
 //! A detector's efficiency by a run's file: the sensor, the photodiodes, splitter and filters, and the tables of readings.
 
 use super::{
-    Aperture, Counting, Efficiency, EfficiencyError, Factor, Lookup, Photodiode, Reading, Sensor,
-    Set, reduce, to_curve,
+    Aperture, Counting, Efficiency, EfficiencyError, Extrapolation, ExtrapolationLaw, Factor,
+    Lookup, Photodiode, Reading, Sensor, Set, reduce, to_curve,
 };
 use crate::detector::{DetectorError, Linearity};
 use serde::Deserialize;
@@ -67,21 +67,63 @@ pub struct EfficiencyRun {
 /// A file that cannot be read or says what cannot be, with line and key; readings that cannot be, with their numbers.
 pub fn reduce_run(plan: &Path) -> Result<EfficiencyRun, EfficiencyRunError> {
     let document = Document::read(plan)?;
-    let written: Written = document.parse()?;
-    let sensor = sensor(&document, &written.sensor)?;
-    let mut inputs = vec![];
-    let mut sets = Vec::with_capacity(written.sets.len());
-    for (number, file) in written.sets.iter().enumerate() {
-        sets.push(set(&document, number, file, &mut inputs)?);
-    }
+    let Parts { name, sensor, sets, inputs } = parts(&document, true)?;
     let efficiency = reduce(&sets, &sensor)
         .map_err(|source| EfficiencyRunError::Readings { path: plan.to_path_buf(), source })?;
-    let stem = plan.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let name = written.name.unwrap_or(stem);
     let (curve, left_out_nm) = to_curve(&efficiency, &name);
     let warnings = efficiency.notes.iter().map(ToString::to_string).collect();
     let plan = document.source().to_owned();
     Ok(EfficiencyRun { name, efficiency, curve, left_out_nm, plan, inputs, warnings })
+}
+
+/// What a run's file says, and the files that it names.
+#[derive(Debug, Clone)]
+pub struct Parts {
+    /// The sensor's name: the file's, else that of the file.
+    pub name: String,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Photodiodes with their readings.
+    pub sets: Vec<Set>,
+    /// The files that it names.
+    pub inputs: Vec<Input>,
+}
+
+/// Reads what a run's file says and names.
+///
+/// # Errors
+/// A file that cannot be read or says what cannot be, with line and key.
+pub fn read_run(document: &Document) -> Result<Parts, EfficiencyRunError> {
+    parts(document, true)
+}
+
+/// Looks whether a run's file could be reduced once its readings are there.
+///
+/// # Errors
+/// The errors of [`read_run`], but for the readings.
+pub fn check_run(document: &Document) -> Result<(), EfficiencyRunError> {
+    parts(document, false).map(|_| ())
+}
+
+fn parts(document: &Document, with_readings: bool) -> Result<Parts, EfficiencyRunError> {
+    let written: Written = document.parse()?;
+    let mut inputs = vec![];
+    let sensor = sensor(document, &written.sensor, &mut inputs)?;
+    let mut sets = Vec::with_capacity(written.sets.len());
+    for (number, file) in written.sets.iter().enumerate() {
+        let readings = if with_readings {
+            let path = document.resolve(&file.readings);
+            let table = text_table::read_str(&path, &input(&path, &mut inputs)?)?;
+            let dark_v = file.photodiode.dark_v.map(Finite::get);
+            readings(&table, dark_v).map_err(|e| e.in_file(&path))?
+        } else {
+            vec![]
+        };
+        sets.push(set(document, number, file, readings, &mut inputs)?);
+    }
+    let stem = document.path().file_stem().unwrap_or_default().to_string_lossy();
+    let name = written.name.unwrap_or_else(|| stem.into_owned());
+    Ok(Parts { name, sensor, sets, inputs })
 }
 
 #[derive(Debug, Deserialize)]
@@ -104,6 +146,14 @@ struct SensorFile {
     dead_time_ns: Option<Positive>,
     #[serde(default)]
     dead_time_relative_sigma: Option<NonNegative>,
+    #[serde(default)]
+    pixels: Option<u32>,
+    #[serde(default)]
+    recovery_ns: Option<Positive>,
+    #[serde(default)]
+    pulse_ns: Option<NonNegative>,
+    #[serde(default)]
+    linearity: Option<PathBuf>,
     #[serde(default)]
     saturation_hz: Option<Positive>,
     #[serde(default)]
@@ -133,6 +183,8 @@ enum DeadTimeModel {
     None,
     NonParalysable,
     Paralysable,
+    MultiPixel,
+    Table,
 }
 
 #[derive(Debug, Deserialize)]
@@ -151,10 +203,16 @@ struct SetFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PhotodiodeFile {
-    responsivity: PathBuf,
+    #[serde(default)]
+    power_meter: bool,
+    #[serde(default)]
+    responsivity: Option<PathBuf>,
     #[serde(default)]
     responsivity_relative_sigma: Option<NonNegative>,
-    load_ohm: Positive,
+    #[serde(default)]
+    extrapolate: Option<ExtrapolateFile>,
+    #[serde(default)]
+    load_ohm: Option<Positive>,
     #[serde(default)]
     load_relative_sigma: Option<NonNegative>,
     #[serde(default)]
@@ -165,6 +223,15 @@ struct PhotodiodeFile {
     distance_mm: Positive,
     #[serde(default)]
     distance_sigma_mm: Option<NonNegative>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ExtrapolateFile {
+    law: ExtrapolationLaw,
+    from_nm: Positive,
+    to_nm: Positive,
+    relative_sigma: NonNegative,
 }
 
 #[derive(Debug, Deserialize)]
@@ -185,7 +252,11 @@ fn or_zero(number: Option<NonNegative>) -> f64 {
     number.map_or(0.0, NonNegative::get)
 }
 
-fn sensor(document: &Document, file: &SensorFile) -> Result<Sensor, EfficiencyRunError> {
+fn sensor(
+    document: &Document,
+    file: &SensorFile,
+    inputs: &mut Vec<Input>,
+) -> Result<Sensor, EfficiencyRunError> {
     let need = |key: &str, expected: &str| document.error_at(&format!("sensor.{key}"), expected);
     let counting = match file.kind {
         Kind::Camera => {
@@ -208,24 +279,7 @@ fn sensor(document: &Document, file: &SensorFile) -> Result<Sensor, EfficiencyRu
             if file.gain_e_per_adu.is_some() || file.saturation_adu.is_some() {
                 return Err(need("gain_e_per_adu", "none: a counter has no ADU").into());
             }
-            let Some(model) = file.dead_time_model else {
-                let expected = "none, non_paralysable or paralysable";
-                return Err(need("dead_time_model", expected).into());
-            };
-            let dead_time_s = file.dead_time_ns.map(|ns| 1e-9 * ns.get());
-            let dead_time = match (model, dead_time_s) {
-                (DeadTimeModel::None, None) => DeadTime::None,
-                (DeadTimeModel::NonParalysable, Some(dead_time_s)) => {
-                    DeadTime::NonParalysable { dead_time_s }
-                }
-                (DeadTimeModel::Paralysable, Some(dead_time_s)) => {
-                    DeadTime::Paralysable { dead_time_s }
-                }
-                (DeadTimeModel::None, Some(_)) => {
-                    return Err(need("dead_time_ns", "no such key beside the model `none`").into());
-                }
-                (_, None) => return Err(need("dead_time_ns", "it, for this model").into()),
-            };
+            let dead_time = dead_time(document, file, inputs)?;
             let counter = Counter {
                 quantity: CounterQuantity::Counts,
                 dead_time,
@@ -249,6 +303,60 @@ fn sensor(document: &Document, file: &SensorFile) -> Result<Sensor, EfficiencyRu
     Ok(Sensor { counting, aperture })
 }
 
+/// The law of a counter's dead time.
+fn dead_time(
+    document: &Document,
+    file: &SensorFile,
+    inputs: &mut Vec<Input>,
+) -> Result<DeadTime, EfficiencyRunError> {
+    let need = |key: &str, expected: &str| -> EfficiencyRunError {
+        document.error_at(&format!("sensor.{key}"), expected).into()
+    };
+    let Some(model) = file.dead_time_model else {
+        let expected = "none, non_paralysable, paralysable, multi_pixel or table";
+        return Err(need("dead_time_model", expected));
+    };
+    let wanted: &[&str] = match model {
+        DeadTimeModel::None => &[],
+        DeadTimeModel::NonParalysable | DeadTimeModel::Paralysable => &["dead_time_ns"],
+        DeadTimeModel::MultiPixel => &["pixels", "recovery_ns", "pulse_ns"],
+        DeadTimeModel::Table => &["linearity"],
+    };
+    let given = [
+        ("dead_time_ns", file.dead_time_ns.is_some()),
+        ("pixels", file.pixels.is_some()),
+        ("recovery_ns", file.recovery_ns.is_some()),
+        ("pulse_ns", file.pulse_ns.is_some()),
+        ("linearity", file.linearity.is_some()),
+    ];
+    for (key, is_given) in given {
+        match (wanted.contains(&key), is_given) {
+            (true, false) => return Err(need(key, "it, for this model")),
+            (false, true) => return Err(need(key, "no such key beside this dead_time_model")),
+            _ => {}
+        }
+    }
+    let dead_time_s = 1e-9 * file.dead_time_ns.map_or(0.0, Positive::get);
+    Ok(match model {
+        DeadTimeModel::None => DeadTime::None,
+        DeadTimeModel::NonParalysable => DeadTime::NonParalysable { dead_time_s },
+        DeadTimeModel::Paralysable => DeadTime::Paralysable { dead_time_s },
+        DeadTimeModel::MultiPixel => DeadTime::MultiPixel {
+            pixels: file.pixels.unwrap_or_default(),
+            recovery_s: 1e-9 * file.recovery_ns.map_or(0.0, Positive::get),
+            pulse_s: 1e-9 * file.pulse_ns.map_or(0.0, NonNegative::get),
+        },
+        DeadTimeModel::Table => {
+            let path = document.resolve(file.linearity.as_deref().unwrap_or(Path::new("")));
+            let table = curve::read_str(&path, &input(&path, inputs)?, None)?;
+            if (table.x_name.as_str(), table.y_name.as_str()) != ("measured_hz", "true_hz") {
+                return Err(need("linearity", "a curve with the columns measured_hz, true_hz"));
+            }
+            DeadTime::Table { measured_hz: table.x, true_hz: table.y }
+        }
+    })
+}
+
 /// A file's bytes as text, remembered with its sum.
 fn input(path: &Path, inputs: &mut Vec<Input>) -> Result<String, FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
@@ -257,28 +365,55 @@ fn input(path: &Path, inputs: &mut Vec<Input>) -> Result<String, FileError> {
     Ok(sunglint_formats::read::decode(path, bytes)?)
 }
 
+/// Responsivity and load of a photodiode; of a power meter, whose readings are W, both are 1.
+fn responsivity(
+    document: &Document,
+    number: usize,
+    diode: &PhotodiodeFile,
+    inputs: &mut Vec<Input>,
+) -> Result<(Factor, f64), EfficiencyRunError> {
+    let need = |key: &str, expected: &str| -> EfficiencyRunError {
+        document.error_at(&format!("set[{number}].photodiode.{key}"), expected).into()
+    };
+    let relative_sigma = or_zero(diode.responsivity_relative_sigma);
+    if diode.power_meter {
+        for (key, is_given) in [
+            ("responsivity", diode.responsivity.is_some()),
+            ("load_ohm", diode.load_ohm.is_some()),
+            ("extrapolate", diode.extrapolate.is_some()),
+        ] {
+            if is_given {
+                return Err(need(key, "no such key beside power_meter = true: its readings are W"));
+            }
+        }
+        return Ok((Factor::constant("power meter", 1.0, relative_sigma)?, 1.0));
+    }
+    let Some(file) = &diode.responsivity else {
+        return Err(need("responsivity", "it, a curve of wavelength_nm, responsivity_a_per_w"));
+    };
+    let Some(load_ohm) = diode.load_ohm else {
+        return Err(need("load_ohm", "it: the load or the amplifier's gain, V per A"));
+    };
+    let path = document.resolve(file);
+    let text = input(&path, inputs)?;
+    let curve = curve::read_str(&path, &text, None)?;
+    if (curve.x_name.as_str(), curve.y_name.as_str()) != ("wavelength_nm", "responsivity_a_per_w") {
+        let expected = "a curve with the columns wavelength_nm, responsivity_a_per_w";
+        return Err(need("responsivity", expected));
+    }
+    let value = Lookup::new("responsivity, A/W", curve.x, curve.y)?;
+    Ok((Factor { name: "responsivity".into(), value, relative_sigma }, load_ohm.get()))
+}
+
 fn set(
     document: &Document,
     number: usize,
     file: &SetFile,
+    readings: Vec<Reading>,
     inputs: &mut Vec<Input>,
 ) -> Result<Set, EfficiencyRunError> {
     let diode = &file.photodiode;
-    let path = document.resolve(&diode.responsivity);
-    let text = input(&path, inputs)?;
-    let responsivity = curve::read_str(&path, &text, None)?;
-    if (responsivity.x_name.as_str(), responsivity.y_name.as_str())
-        != ("wavelength_nm", "responsivity_a_per_w")
-    {
-        let key = format!("set[{number}].photodiode.responsivity");
-        let expected = "a curve with the columns wavelength_nm, responsivity_a_per_w";
-        return Err(document.error_at(&key, expected).into());
-    }
-    let responsivity = Factor {
-        name: "responsivity".into(),
-        value: Lookup::new("responsivity, A/W", responsivity.x, responsivity.y)?,
-        relative_sigma: or_zero(diode.responsivity_relative_sigma),
-    };
+    let (responsivity, load_ohm) = responsivity(document, number, diode, inputs)?;
     let factors = |side: &str, files: &[FactorFile], inputs: &mut Vec<Input>| {
         let one = |(k, file): (usize, &FactorFile)| {
             factor(document, &format!("set[{number}].{side}[{k}]"), file, inputs)
@@ -287,14 +422,16 @@ fn set(
     };
     let towards_photodiode = factors("towards_photodiode", &file.towards_photodiode, inputs)?;
     let towards_sensor = factors("towards_sensor", &file.towards_sensor, inputs)?;
-    let path = document.resolve(&file.readings);
-    let table = text_table::read_str(&path, &input(&path, inputs)?)?;
-    let dark_v = diode.dark_v.map(Finite::get);
     Ok(Set {
-        readings: readings(&table, dark_v).map_err(|e| e.in_file(&path))?,
+        readings,
         photodiode: Photodiode {
             responsivity,
-            load_ohm: diode.load_ohm.get(),
+            extrapolation: diode.extrapolate.as_ref().map(|beyond| Extrapolation {
+                law: beyond.law,
+                within_nm: (beyond.from_nm.get(), beyond.to_nm.get()),
+                relative_sigma: beyond.relative_sigma.get(),
+            }),
+            load_ohm,
             load_relative_sigma: or_zero(diode.load_relative_sigma),
             aperture: Aperture {
                 area_mm2: diode.area_mm2.get(),
@@ -340,7 +477,7 @@ fn factor(
 }
 
 /// The readings of a table: `wavelength_nm`, `photodiode_v`, `counts`, `exposure_s`, and where they are there `photodiode_dark_v`, `sigma_photodiode_v`, `dark_counts`,
-/// `dark_exposure_s`.
+/// `dark_exposure_s`, `sigma_drift_relative`, `second_order`.
 fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableError> {
     let has = |name: &str| table.columns.iter().any(|column| column.name == name);
     let optional =
@@ -353,6 +490,9 @@ fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableErr
     let sigma = optional("sigma_photodiode_v", "V")?;
     let dark_counts = if has("dark_counts") { Some(table.f64("dark_counts")?) } else { None };
     let dark_exposure = optional("dark_exposure_s", "s")?;
+    let number = |name: &'static str| has(name).then(|| table.f64(name)).transpose();
+    let drift = number("sigma_drift_relative")?;
+    let second_order = number("second_order")?;
     let one = |row: usize| Reading {
         wavelength_nm: wavelength[row],
         photodiode_v: photodiode[row],
@@ -362,6 +502,8 @@ fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableErr
         exposure_s: exposure[row],
         dark_counts: dark_counts.as_ref().map_or(0.0, |v| v[row]),
         dark_exposure_s: dark_exposure.as_ref().map_or(exposure[row], |v| v[row]),
+        drift_relative: drift.as_ref().map_or(0.0, |v| v[row]),
+        second_order: second_order.as_ref().is_some_and(|v| v[row] != 0.0),
     };
     Ok((0..table.rows()).map(one).collect())
 }

@@ -27,6 +27,7 @@ pub fn to_table(efficiency: &Efficiency) -> Table {
         part("sigma_load", "by the photodiode's load", |c| c.load),
         part("sigma_geometry", "by areas and distances", |c| c.geometry),
         part("sigma_transmissions", "by splitter and filters", |c| c.transmissions),
+        part("sigma_drift", "by change of the rig between its reference readings", |c| c.drift),
         Column::f64("photons_hz", Some("Hz"), all(&|r| r.photons_hz))
             .described("photons on the sensor"),
         Column::f64("rate_hz", Some("Hz"), all(&|r| r.rate_hz))

@@ -1,0 +1,714 @@
+//! The law of a detector's dead time, found from counts under lights of known or unknown ratio.
+//!
+//! Each exposure is under a sum of lights, each the product of a source's level and an attenuator's transmission: n = d + Σ L T. Neutral-density steps are one level and several
+//! transmissions, two sources added are the levels A, B, and both. Levels and the dark rate d are always found; a transmission is found where it is not known, and drawn to its value by its
+//! uncertainty where it is. A law is told from no law by how the counts of the products bend, never by an absolute rate.
+//!
+//! χ² is that of the counts, with the variance that each law itself gives them. If repeats of one light scatter more than that, all uncertainties grow by as much.
+//!
+//! | choice | rule |
+//! |---|---|
+//! | a law beside none, many pixels beside one with prolonged dead time (their limit) | only where Akaike's criterion is lower by [`TELLS`] |
+//! | between other laws | the best, where all others are worse by [`TELLS`]; else all that are left |
+//! | a law that does not fit | none where χ² beyond the repeats' own exceeds its degrees of freedom by 5 of its standard deviations |
+//!
+//! Intervals are of 95 %: the profile of χ² rises by 3.84.
+
+use super::law::Law;
+use nalgebra::{DMatrix, DVector};
+use sunglint_radiometry::station::DeadTime;
+
+/// Difference of Akaike's criterion by which data tell two laws apart: odds of 1 to 100.
+pub const TELLS: f64 = 9.2;
+/// Rise of χ² at the ends of an interval of 95 %.
+const RISE: f64 = 3.841_459;
+/// Shortest and longest time that is tried, over the time between counts at the brightest: the shortest is none.
+const LEAST_TIME: f64 = 1e-7;
+const MOST_TIME: f64 = 1e7;
+/// Standard deviations of χ² beyond which a law does not fit.
+const MISFIT: f64 = 5.0;
+
+/// A light on the detector: which level, and through which attenuator, both from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Light {
+    /// Number of the level.
+    pub level: usize,
+    /// Number of the attenuator.
+    pub step: usize,
+}
+
+/// Counts of one exposure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exposure {
+    /// Lights that were on; none in the dark.
+    pub lights: Vec<Light>,
+    /// Counts.
+    pub counts: u64,
+    /// Length of the exposure, s.
+    pub exposure_s: f64,
+}
+
+/// Transmission of an attenuator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Transmission {
+    /// Known, with a relative standard uncertainty.
+    Known {
+        /// Transmission, relative to the others.
+        value: f64,
+        /// Relative standard uncertainty.
+        relative_sigma: f64,
+    },
+    /// To be found.
+    Unknown,
+}
+
+/// A value that was found, with its interval of 95 %.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// Name with its unit, as a station's file has it.
+    pub name: &'static str,
+    /// Best value.
+    pub value: f64,
+    /// Lower end of its interval; 0 where no value above 0 is told from none.
+    pub low: f64,
+    /// Upper end of its interval.
+    pub high: f64,
+}
+
+/// A law through the counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// Name of the law, as a station's file has it.
+    pub name: &'static str,
+    /// The law with its best values.
+    pub law: DeadTime,
+    /// Its values.
+    pub found: Vec<Found>,
+    /// χ² of the counts.
+    pub chi2: f64,
+    /// Exposures and known transmissions less what was found.
+    pub freedom: usize,
+    /// Akaike's criterion, of χ² over the scatter of the repeats.
+    pub criterion: f64,
+    /// χ² beyond the scatter of the repeats, over its degrees of freedom; not a number without any.
+    pub misfit: f64,
+    /// Whether it fits.
+    pub fits: bool,
+    /// Dark rate, Hz.
+    pub dark_hz: f64,
+    /// Rate of each level through an attenuator of transmission 1, Hz.
+    pub level_hz: Vec<f64>,
+    /// Transmissions.
+    pub transmission: Vec<f64>,
+}
+
+/// Laws that counts allow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// All laws that were tried, the best first.
+    pub fitted: Vec<Fitted>,
+    /// Numbers of the laws among which the data cannot tell; one where they can; none where no law fits.
+    pub left: Vec<usize>,
+    /// Scatter of repeats of one light over that of counting, a ratio of variances; 1 where it is less.
+    pub scatter: f64,
+    /// Least and largest measured rate, Hz, dark exposures left out.
+    pub measured_hz: (f64, f64),
+}
+
+impl Choice {
+    /// Returns the law that the data tell, if they do.
+    pub fn told(&self) -> Option<&Fitted> {
+        match self.left[..] {
+            [one] => self.fitted.get(one),
+            _ => None,
+        }
+    }
+}
+
+/// Why there is no law.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// An exposure that cannot be.
+    #[error("exposure {number}: {name}: found {found}, expected {expected}")]
+    Exposure {
+        /// Which, from 1.
+        number: usize,
+        /// Name of the value.
+        name: &'static str,
+        /// It.
+        found: f64,
+        /// Values that are allowed.
+        expected: &'static str,
+    },
+    /// A transmission that cannot be.
+    #[error("transmission {number}: found {found}, expected a number above 0")]
+    Transmission {
+        /// Which, from 1.
+        number: usize,
+        /// It.
+        found: f64,
+    },
+    /// Too little data.
+    #[error(
+        "{lights} different lights and {known} known transmissions cannot tell a law and {unknowns} unknown levels and transmissions: measure more steps, a second level, or two sources alone and together"
+    )]
+    TooFew {
+        /// Different lights, the dark among them.
+        lights: usize,
+        /// Known transmissions.
+        known: usize,
+        /// Levels and transmissions that are to be found, and the dark.
+        unknowns: usize,
+    },
+    /// Ratios that the counts leave open.
+    #[error(
+        "the counts leave open which part of their bend is the detector's and which the attenuators': give a step's optical density, a second level, or two sources alone and together"
+    )]
+    Open,
+    /// A level that is only seen together with others.
+    #[error("level {0} was never measured alone")]
+    NeverAlone(usize),
+}
+
+/// Kind of a law, without its values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    None,
+    NonParalysable,
+    Paralysable,
+    MultiPixel(u32),
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::NonParalysable => "non_paralysable",
+            Self::Paralysable => "paralysable",
+            Self::MultiPixel(_) => "multi_pixel",
+        }
+    }
+
+    fn values(self) -> &'static [&'static str] {
+        match self {
+            Self::None => &[],
+            Self::NonParalysable | Self::Paralysable => &["dead_time_ns"],
+            Self::MultiPixel(_) => &["recovery_ns", "pulse_ns"],
+        }
+    }
+
+    /// The law with times in s.
+    fn law(self, times_s: &[f64]) -> DeadTime {
+        let time = |k: usize| times_s.get(k).copied().unwrap_or(0.0);
+        match self {
+            Self::None => DeadTime::None,
+            Self::NonParalysable => DeadTime::NonParalysable { dead_time_s: time(0) },
+            Self::Paralysable => DeadTime::Paralysable { dead_time_s: time(0) },
+            Self::MultiPixel(pixels) => {
+                DeadTime::MultiPixel { pixels, recovery_s: time(0), pulse_s: time(1) }
+            }
+        }
+    }
+}
+
+/// Finds the laws that the counts allow. `pixels` is the number of the detector's pixels, where it has many: only then the law of many pixels is tried.
+///
+/// # Errors
+/// Exposures or transmissions that cannot be; too few of them; ratios that they leave open.
+pub fn fit(
+    exposures: &[Exposure],
+    steps: &[Transmission],
+    pixels: Option<u32>,
+) -> Result<Choice, FitError> {
+    let data = Data::new(exposures, steps)?;
+    let mut kinds = vec![Kind::None, Kind::NonParalysable, Kind::Paralysable];
+    kinds.extend(pixels.filter(|n| *n > 0).map(Kind::MultiPixel));
+    let mut fitted = Vec::new();
+    for kind in kinds {
+        fitted.push((kind, data.fitted(kind)?));
+    }
+    fitted.sort_by(|a, b| a.1.criterion.total_cmp(&b.1.criterion));
+    let criterion = |kind: fn(&Kind) -> bool| {
+        let found = fitted.iter().find(|(k, f)| kind(k) && f.fits);
+        found.map(|(_, f)| f.criterion)
+    };
+    let none = criterion(|k| *k == Kind::None);
+    let one = criterion(|k| *k == Kind::Paralysable);
+    let best = fitted.iter().find(|(_, f)| f.fits).map(|(_, f)| f.criterion);
+    let stands = |(kind, f): &(Kind, Fitted)| {
+        let better = |than: Option<f64>| than.is_none_or(|than| f.criterion < than - TELLS);
+        let earns = match kind {
+            Kind::None => true,
+            Kind::MultiPixel(_) => better(none) && better(one),
+            _ => better(none),
+        };
+        f.fits && earns
+    };
+    let standing: Vec<usize> = (0..fitted.len()).filter(|k| stands(&fitted[*k])).collect();
+    // No law is the simplest: where it is not told from the best, it is the one.
+    let simple = none.zip(best).is_some_and(|(none, best)| none < best + TELLS);
+    let least = standing.iter().map(|k| fitted[*k].1.criterion).fold(f64::INFINITY, f64::min);
+    let left = standing
+        .into_iter()
+        .filter(|k| match simple {
+            true => fitted[*k].0 == Kind::None,
+            false => fitted[*k].1.criterion < least + TELLS,
+        })
+        .collect();
+    let lit = exposures.iter().filter(|e| !e.lights.is_empty());
+    let measured_hz = lit.map(|e| e.counts as f64 / e.exposure_s);
+    let measured_hz = measured_hz
+        .fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), m| (least.min(m), most.max(m)));
+    let fitted = fitted.into_iter().map(|(_, f)| f).collect();
+    Ok(Choice { fitted, left, scatter: data.scatter, measured_hz })
+}
+
+/// The exposures, and how the unknowns lie in the vector that is fitted: logarithms of times, of levels, of transmissions; the dark rate.
+struct Data<'a> {
+    exposures: &'a [Exposure],
+    /// Numbers of the light of each exposure among the different ones.
+    group: Vec<usize>,
+    groups: Vec<&'a [Light]>,
+    levels: usize,
+    steps: &'a [Transmission],
+    /// Place of each step's transmission among those that are found; none of the one that all others are relative to.
+    free_step: Vec<Option<usize>>,
+    free_steps: usize,
+    has_dark: bool,
+    known: usize,
+    scatter: f64,
+    /// Scale of the dark rate in the vector, Hz.
+    dark_scale_hz: f64,
+    /// The largest rate, Hz.
+    most_hz: f64,
+}
+
+impl<'a> Data<'a> {
+    fn new(exposures: &'a [Exposure], steps: &'a [Transmission]) -> Result<Self, FitError> {
+        for (k, e) in exposures.iter().enumerate() {
+            let bad =
+                |name, found, expected| FitError::Exposure { number: k + 1, name, found, expected };
+            if !(e.exposure_s.is_finite() && e.exposure_s > 0.0) {
+                return Err(bad("exposure_s", e.exposure_s, "a number above 0"));
+            }
+            if let Some(light) = e.lights.iter().find(|l| l.step >= steps.len()) {
+                return Err(bad("step", light.step as f64, "a step of the plan"));
+            }
+        }
+        for (k, step) in steps.iter().enumerate() {
+            if let Transmission::Known { value, relative_sigma } = step {
+                for found in [*value, relative_sigma + 1.0] {
+                    if !(found.is_finite() && found > 0.0) {
+                        return Err(FitError::Transmission { number: k + 1, found });
+                    }
+                }
+            }
+        }
+        let mut groups: Vec<&[Light]> = exposures.iter().map(|e| &e.lights[..]).collect();
+        groups.sort_unstable();
+        groups.dedup();
+        let place = |e: &Exposure| groups.iter().position(|g| *g == &e.lights[..]).unwrap_or(0);
+        let group: Vec<usize> = exposures.iter().map(place).collect();
+        let levels = exposures.iter().flat_map(|e| &e.lights).map(|l| l.level + 1).max();
+        let levels = levels.unwrap_or(0);
+        for level in 0..levels {
+            let alone = groups.iter().any(|g| matches!(g, [one] if one.level == level));
+            if !alone {
+                return Err(FitError::NeverAlone(level + 1));
+            }
+        }
+        // One transmission is the unit, unless one is known: then they are what they are known to be.
+        let exact = |t: &Transmission| matches!(t, Transmission::Known { relative_sigma, .. } if *relative_sigma == 0.0);
+        let is_known = |t: &Transmission| matches!(t, Transmission::Known { .. });
+        let unit =
+            (steps.iter().position(exact)).or_else(|| steps.iter().position(is_known)).unwrap_or(0);
+        let mut free_steps = 0;
+        let used = |k: usize| groups.iter().any(|g| g.iter().any(|l| l.step == k));
+        let free_step: Vec<Option<usize>> = (0..steps.len())
+            .map(|k| {
+                let free = k != unit && used(k) && !exact(&steps[k]);
+                free.then(|| {
+                    free_steps += 1;
+                    free_steps - 1
+                })
+            })
+            .collect();
+        let known =
+            (0..steps.len()).filter(|k| *k != unit && used(*k) && is_known(&steps[*k])).count();
+        let has_dark = groups.iter().any(|g| g.is_empty());
+        let unknowns = levels + free_steps + usize::from(has_dark);
+        let exact_known = known
+            - (0..steps.len()).filter(|k| free_step[*k].is_some() && is_known(&steps[*k])).count();
+        // A law takes one more at least; exactly known steps are no unknowns already.
+        let priors = known - exact_known;
+        if groups.len() + priors <= unknowns {
+            return Err(FitError::TooFew { lights: groups.len(), known, unknowns });
+        }
+        let scatter = scatter(exposures, &group, groups.len());
+        let dark = exposures.iter().filter(|e| e.lights.is_empty());
+        let (counts, time) = dark.fold((0, 0.0), |(c, t), e| (c + e.counts, t + e.exposure_s));
+        let rates = exposures.iter().map(|e| e.counts as f64 / e.exposure_s);
+        let most_hz = rates.fold(0.0, f64::max).max(1e-3);
+        let dark_scale_hz = if time > 0.0 { (counts.max(1)) as f64 / time } else { 1.0 };
+        Ok(Self {
+            exposures,
+            group,
+            groups,
+            levels,
+            steps,
+            free_step,
+            free_steps,
+            has_dark,
+            known: priors,
+            scatter,
+            dark_scale_hz,
+            most_hz,
+        })
+    }
+
+    /// Logarithms of the shortest and the longest time that is tried, s.
+    fn reach(&self) -> (f64, f64) {
+        ((LEAST_TIME / self.most_hz).ln(), (MOST_TIME / self.most_hz).ln())
+    }
+
+    fn unknowns(&self) -> usize {
+        self.levels + self.free_steps + usize::from(self.has_dark)
+    }
+
+    fn transmission(&self, step: usize, x: &[f64]) -> f64 {
+        match (self.free_step[step], self.steps[step]) {
+            (Some(free), _) => x[self.levels + free].exp(),
+            (None, Transmission::Known { value, .. }) => value,
+            (None, Transmission::Unknown) => 1.0,
+        }
+    }
+
+    /// Rates of the groups; `x` are the unknowns without the law's.
+    fn rates_hz(&self, x: &[f64]) -> Vec<f64> {
+        let dark_hz = match self.has_dark {
+            true => x[self.levels + self.free_steps].max(0.0) * self.dark_scale_hz,
+            false => 0.0,
+        };
+        let of = |group: &&[Light]| {
+            let lit = group.iter().map(|l| x[l.level].exp() * self.transmission(l.step, x));
+            dark_hz + lit.sum::<f64>()
+        };
+        self.groups.iter().map(of).collect()
+    }
+
+    /// Residuals of exposures and of known transmissions, in standard deviations. `sigma` are those of the exposures' rates, Hz.
+    fn residuals(&self, kind: Kind, x: &[f64], sigma_hz: &[f64]) -> DVector<f64> {
+        let times = kind.values().len();
+        let times_s: Vec<f64> = x[..times].iter().map(|ln| ln.exp()).collect();
+        let law = kind.law(&times_s);
+        let rates = self.rates_hz(&x[times..]);
+        let counted: Vec<f64> = rates.iter().map(|n| law.counted_hz(*n).unwrap_or(*n)).collect();
+        let mut all: Vec<f64> = (self.exposures.iter().zip(&self.group).zip(sigma_hz))
+            .map(|((e, group), sigma)| (e.counts as f64 / e.exposure_s - counted[*group]) / sigma)
+            .collect();
+        for (k, step) in self.steps.iter().enumerate() {
+            if let (Some(free), Transmission::Known { value, relative_sigma }) =
+                (self.free_step[k], step)
+            {
+                all.push((x[times + self.levels + free] - value.ln()) / relative_sigma);
+            }
+        }
+        DVector::from_vec(all)
+    }
+
+    /// Standard deviation of each exposure's rate by a law, Hz, at the mean of its repeats.
+    fn sigma_hz(&self, kind: Kind, x: &[f64]) -> Vec<f64> {
+        let times = kind.values().len();
+        let times_s: Vec<f64> = x[..times].iter().map(|ln| ln.exp()).collect();
+        let dead_time = kind.law(&times_s);
+        let law = Law::new(&dead_time).ok();
+        let mean = means(self.exposures, &self.group, self.groups.len());
+        let fano: Vec<f64> = (mean.iter())
+            .map(|m| {
+                let at = law.as_ref().and_then(|law| law.invert(*m).ok());
+                // Past a law's end its variance is not known: that of a Poisson process is more.
+                at.map_or(1.0, |at| at.fano).clamp(1e-3, 10.0)
+            })
+            .collect();
+        (self.exposures.iter().zip(&self.group))
+            .map(|(e, group)| {
+                let counts = (mean[*group] * e.exposure_s * fano[*group]).max(1.0);
+                counts.sqrt() / e.exposure_s
+            })
+            .collect()
+    }
+
+    /// Levels and transmissions as if nothing was lost but by a first guess.
+    fn begin(&self, kind: Kind, times_s: &[f64]) -> Option<Vec<f64>> {
+        let law = Law::new(&kind.law(times_s)).ok()?;
+        let mean = means(self.exposures, &self.group, self.groups.len());
+        let undone = |m: f64| law.invert(m).map_or(f64::NAN, |at| at.rate_hz);
+        let dark = self.groups.iter().position(|g| g.is_empty()).map_or(0.0, |k| mean[k]);
+        let unknowns = self.levels + self.free_steps;
+        let (mut rows, mut right) = (Vec::new(), Vec::new());
+        for (k, group) in self.groups.iter().enumerate() {
+            let [light] = group else { continue };
+            let rate = (undone(mean[k]) - undone(dark)).max(0.5 * (mean[k] - dark)).max(1e-3);
+            if !rate.is_finite() {
+                return None;
+            }
+            let mut row = vec![0.0; unknowns];
+            row[light.level] = 1.0;
+            let mut value = rate.ln();
+            match self.free_step[light.step] {
+                Some(free) => row[self.levels + free] = 1.0,
+                None => value -= self.transmission(light.step, &[]).ln(),
+            }
+            rows.push(row);
+            right.push(value);
+        }
+        for (k, step) in self.steps.iter().enumerate() {
+            if let (Some(free), Transmission::Known { value, .. }) = (self.free_step[k], step) {
+                let mut row = vec![0.0; unknowns];
+                row[self.levels + free] = 10.0;
+                rows.push(row);
+                right.push(10.0 * value.ln());
+            }
+        }
+        let matrix = DMatrix::from_fn(rows.len(), unknowns, |i, j| rows[i][j]);
+        let solved = matrix.svd(true, true).solve(&DVector::from_vec(right), 1e-10).ok()?;
+        let mut x: Vec<f64> = times_s.iter().map(|s| s.ln()).collect();
+        x.extend(solved.iter());
+        if self.has_dark {
+            x.push(dark / self.dark_scale_hz);
+        }
+        Some(x)
+    }
+
+    /// Levenberg and Marquardt's steps from a point, the unknowns in `fixed` left as they are. Gives the point and its χ².
+    fn descend(
+        &self,
+        kind: Kind,
+        from: &[f64],
+        sigma_hz: &[f64],
+        fixed: &[usize],
+    ) -> (Vec<f64>, f64) {
+        let free: Vec<usize> = (0..from.len()).filter(|k| !fixed.contains(k)).collect();
+        let (times, (least, most)) = (kind.values().len(), self.reach());
+        let mut x = from.to_vec();
+        let mut at = self.residuals(kind, &x, sigma_hz);
+        let mut chi2 = at.norm_squared();
+        let mut damping = 1e-3;
+        for _ in 0..200 {
+            let jacobian = self.jacobian(kind, &x, sigma_hz, &free);
+            let square = jacobian.transpose() * &jacobian;
+            let gradient = jacobian.transpose() * &at;
+            let mut better = false;
+            for _ in 0..12 {
+                let mut damped = square.clone();
+                for k in 0..free.len() {
+                    damped[(k, k)] += damping * square[(k, k)].max(1e-12);
+                }
+                let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let mut next = x.clone();
+                for (k, place) in free.iter().enumerate() {
+                    next[*place] -= step[k].clamp(-2.0, 2.0);
+                    // The logarithm of a time that is not there has no end.
+                    if *place < times {
+                        next[*place] = next[*place].clamp(least, most);
+                    }
+                }
+                let there = self.residuals(kind, &next, sigma_hz);
+                let new = there.norm_squared();
+                if new.is_finite() && new <= chi2 {
+                    let gain = chi2 - new;
+                    (x, at, chi2) = (next, there, new);
+                    damping = (damping * 0.2).max(1e-12);
+                    better = gain > 1e-9 * (1.0 + chi2);
+                    break;
+                }
+                damping *= 5.0;
+            }
+            if !better {
+                break;
+            }
+        }
+        (x, chi2)
+    }
+
+    fn jacobian(&self, kind: Kind, x: &[f64], sigma_hz: &[f64], free: &[usize]) -> DMatrix<f64> {
+        const STEP: f64 = 1e-5;
+        let mut columns = Vec::with_capacity(free.len());
+        for place in free {
+            let mut moved = x.to_vec();
+            moved[*place] = x[*place] + STEP;
+            let up = self.residuals(kind, &moved, sigma_hz);
+            moved[*place] = x[*place] - STEP;
+            columns.push((up - self.residuals(kind, &moved, sigma_hz)) / (2.0 * STEP));
+        }
+        if columns.is_empty() {
+            return DMatrix::zeros(self.exposures.len(), 0);
+        }
+        DMatrix::from_columns(&columns)
+    }
+
+    /// The best of a law from several beginnings.
+    fn fitted(&self, kind: Kind) -> Result<Fitted, FitError> {
+        let most_hz = self.most_hz;
+        let times = kind.values().len();
+        let beginnings: Vec<Vec<f64>> = match kind {
+            Kind::None => vec![vec![]],
+            Kind::NonParalysable | Kind::Paralysable => {
+                [1e-4, 1e-2, 0.1, 0.3].iter().map(|part| vec![part / most_hz]).collect()
+            }
+            Kind::MultiPixel(pixels) => {
+                let part = |recovery: f64, pulse: f64| {
+                    vec![recovery * f64::from(pixels) / most_hz, pulse / most_hz]
+                };
+                vec![part(0.01, 0.01), part(0.2, 0.02), part(0.02, 0.2), part(1e-3, 1e-3)]
+            }
+        };
+        let mut best: Option<(Vec<f64>, f64, Vec<f64>)> = None;
+        for begin in beginnings {
+            let Some(mut x) = self.begin(kind, &begin) else { continue };
+            let mut sigma = self.sigma_hz(kind, &x);
+            let chi2;
+            // The variance is that of the law, which moves while it is found.
+            for _ in 0..3 {
+                (x, _) = self.descend(kind, &x, &sigma, &[]);
+                sigma = self.sigma_hz(kind, &x);
+            }
+            (x, chi2) = self.descend(kind, &x, &sigma, &[]);
+            if best.as_ref().is_none_or(|(_, least, _)| chi2 < *least) {
+                best = Some((x, chi2, sigma));
+            }
+        }
+        let Some((x, chi2, sigma)) = best else { return Err(FitError::Open) };
+        self.check_told(kind, &x, &sigma)?;
+        let rows = self.exposures.len() + self.known;
+        let unknowns = times + self.unknowns();
+        let freedom = rows.saturating_sub(unknowns);
+        let apart = (self.groups.len() + self.known).saturating_sub(unknowns);
+        let between = chi2 - self.within_by(&sigma);
+        let misfit = between.max(0.0) / apart as f64 / self.scatter;
+        let fits = apart == 0 || misfit <= 1.0 + MISFIT * (2.0 / apart as f64).sqrt();
+        let found = (0..times)
+            .map(|k| {
+                let (low, high) = self.interval(kind, &x, chi2, &sigma, k);
+                let ns = |ln: f64| 1e9 * ln.exp();
+                Found { name: kind.values()[k], value: ns(x[k]), low: ns(low), high: ns(high) }
+            })
+            .collect();
+        let times_s: Vec<f64> = x[..times].iter().map(|ln| ln.exp()).collect();
+        let light = &x[times..];
+        let dark_hz = if self.has_dark {
+            light[self.levels + self.free_steps].max(0.0) * self.dark_scale_hz
+        } else {
+            0.0
+        };
+        Ok(Fitted {
+            name: kind.name(),
+            law: kind.law(&times_s),
+            found,
+            chi2,
+            freedom,
+            criterion: chi2 / self.scatter + 2.0 * times as f64,
+            misfit,
+            fits,
+            dark_hz,
+            level_hz: light[..self.levels].iter().map(|ln| ln.exp()).collect(),
+            transmission: (0..self.steps.len()).map(|k| self.transmission(k, light)).collect(),
+        })
+    }
+
+    /// χ² of the repeats about their own means, with given standard deviations.
+    fn within_by(&self, sigma_hz: &[f64]) -> f64 {
+        let mean = means(self.exposures, &self.group, self.groups.len());
+        (self.exposures.iter().zip(&self.group).zip(sigma_hz))
+            .map(|((e, group), sigma)| {
+                ((e.counts as f64 / e.exposure_s - mean[*group]) / sigma).powi(2)
+            })
+            .sum()
+    }
+
+    /// Levels and transmissions that the counts do not tell at all. The law's own times may be untold: their interval says so.
+    fn check_told(&self, kind: Kind, x: &[f64], sigma_hz: &[f64]) -> Result<(), FitError> {
+        let times = kind.values().len();
+        let free: Vec<usize> = (times..x.len()).collect();
+        let jacobian = self.jacobian(kind, x, sigma_hz, &free);
+        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
+            jacobian[(i, j)] / jacobian.column(j).norm().max(f64::MIN_POSITIVE)
+        });
+        let values = scaled.svd(false, false).singular_values;
+        let (least, most) = (values.min(), values.max());
+        if values.is_empty() || least > 1e-7 * most { Ok(()) } else { Err(FitError::Open) }
+    }
+
+    /// Ends of a time's interval, as logarithms: where the profile of χ² has risen.
+    fn interval(
+        &self,
+        kind: Kind,
+        x: &[f64],
+        chi2: f64,
+        sigma_hz: &[f64],
+        place: usize,
+    ) -> (f64, f64) {
+        let (rise, (least, most)) = (RISE * self.scatter, self.reach());
+        let profile = |from: &[f64], value: f64| {
+            let mut x = from.to_vec();
+            x[place] = value;
+            let (x, there) = self.descend(kind, &x, sigma_hz, &[place]);
+            (x, there - chi2 - rise)
+        };
+        let end = |sign: f64| {
+            let (mut inside, mut step) = (x.to_vec(), 1e-3);
+            // Out to where it has risen, and back by halves.
+            let outside = loop {
+                let value = inside[place] + sign * step;
+                if value <= least || value >= most {
+                    return sign * f64::INFINITY;
+                }
+                let (there, above) = profile(&inside, value);
+                if above > 0.0 {
+                    break value;
+                }
+                inside = there;
+                step *= 2.0;
+            };
+            let (mut low, mut high) = (inside[place], outside);
+            while (high - low).abs() > 1e-4 {
+                let middle = 0.5 * (low + high);
+                let (there, above) = profile(&inside, middle);
+                if above > 0.0 {
+                    high = middle;
+                } else {
+                    (inside, low) = (there, middle);
+                }
+            }
+            low
+        };
+        (end(-1.0), end(1.0))
+    }
+}
+
+/// Mean rates of the groups, Hz.
+fn means(exposures: &[Exposure], group: &[usize], groups: usize) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); groups];
+    for (e, group) in exposures.iter().zip(group) {
+        sums[*group].0 += e.counts as f64;
+        sums[*group].1 += e.exposure_s;
+    }
+    sums.into_iter().map(|(counts, time)| counts / time).collect()
+}
+
+/// Variance of the repeats about their means over that of photons; 1 within its own scatter. A dead time only makes them scatter less.
+fn scatter(exposures: &[Exposure], group: &[usize], groups: usize) -> f64 {
+    let mean = means(exposures, group, groups);
+    let mut chi2 = 0.0;
+    for (e, group) in exposures.iter().zip(group) {
+        let expected = (mean[*group] * e.exposure_s).max(1.0);
+        chi2 += (e.counts as f64 - mean[*group] * e.exposure_s).powi(2) / expected;
+    }
+    let freedom = exposures.len().saturating_sub(groups).max(1) as f64;
+    let ratio = chi2 / freedom;
+    if ratio > 1.0 + 3.0 * (2.0 / freedom).sqrt() { ratio } else { 1.0 }
+}

@@ -1,0 +1,4 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod efficiency;
+mod linearity;

@@ -1,0 +1,275 @@
+//! `sunglint efficiency run`: a monochromator, a photodiode and a detector driven through a plan.
+
+use super::open::{self, AnyMeter, Live, Robot};
+use crate::brdf::rig::{self, describe};
+use crate::output::{Console, OutputArgs};
+use crate::progress::Bar;
+use anyhow::{Context as _, anyhow, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use sunglint_calibration::efficiency::reduce_run;
+use sunglint_detectors::efficiency::{
+    Begun, FILES, Line, Log, PLAN, Part, RUN, Rig, RunPlan, VIRTUAL_RIG, done, measure, visits,
+    write,
+};
+use sunglint_detectors::reading::{Pace, Photodiode};
+use sunglint_drivers::clock::Cancel;
+use sunglint_drivers::device::{Device, FilterWheel, Monochromator, PhotonCounter};
+use sunglint_formats::toml::Document;
+use sunglint_materials::log::refuse_begun;
+use sunglint_materials::reading::State;
+use sunglint_materials::retro::measure::Hands;
+use sunglint_numerics::progress::Progress as _;
+use sunglint_report::efficiency as report;
+use sunglint_virtual::counting::devices::VirtualCounting;
+use sunglint_virtual::counting::options::Options;
+
+/// Arguments of `sunglint efficiency run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The plan: devices, wavelengths, and what is known of the rig (docs/lab-efficiency.md)
+    #[arg(value_name = "PLAN.toml")]
+    pub plan: PathBuf,
+    /// Go on with the run in the folder: what is there is not measured again
+    #[arg(long)]
+    pub resume: bool,
+    /// Measure nothing: make the efficiency of what the folder holds, with what PLAN.toml knows now of the rig
+    #[arg(long, conflicts_with = "resume")]
+    pub reduce: bool,
+    /// Do not ask before the shutter must be opened or closed: something else does it
+    #[arg(long)]
+    pub yes: bool,
+    /// Where the result goes: one folder, with the readings in it.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
+    let (folder, out) = rig::folder(&args.out, "id400")?;
+    let folder = folder.as_path();
+    out.check()?;
+    let results = ["ecsv", "csv", "png", "svg"].map(|form| format!("efficiency.{form}"));
+    out.check_names(&results)?;
+    let document = Document::read(&args.plan)?;
+    let goes_on = args.resume || args.reduce;
+    if !goes_on {
+        refuse_begun::<Line>(folder)?;
+    }
+    let begun = goes_on.then(|| Begun::read(folder, &FILES)).transpose()?;
+    // A run goes on with the rig that it was begun with.
+    let rig_text = begun.as_ref().and_then(|begun| begun.file(VIRTUAL_RIG));
+    let plan = RunPlan::new(&document, rig_text)?;
+    if let Some(begun) = &begun {
+        check_same(args, &plan, begun, folder, rig_text)?;
+        if begun.torn_bytes > 0 {
+            console.warn(&format!(
+                "{}: a last line of {} bytes was cut off as it was written; its wavelength is read again",
+                folder.display(),
+                begun.torn_bytes
+            ));
+        }
+    }
+    let (lines, took_s) = match begun {
+        Some(begun) if args.reduce => (begun.lines, 0.0),
+        begun => take(args, &plan, folder, begun, console)?,
+    };
+    let made = write(&plan, &lines, folder).with_context(|| folder.display().to_string())?;
+    for warning in &made.warnings {
+        console.warn(warning);
+    }
+    let planned = plan.measuring.wavelengths.len();
+    let left = planned - made.steps;
+    if left > 0 {
+        console.warn(&format!("{left} wavelengths are not measured yet: go on with --resume"));
+    }
+    let found = reduce_run(&folder.join(RUN))?;
+    let mut product = report::product(&found);
+    product.json["run"] = json!({
+        "folder": folder.display().to_string(),
+        "steps": made.steps,
+        "steps_left": left,
+        "readings": lines.iter().filter(|line| line.state.is_reading()).count(),
+        "took_s": took_s,
+        "photodiode_noise": made.noise,
+        "light_unrest": made.unrest,
+        "drift": made.drift.map(|drift| json!({
+            "readings": drift.readings,
+            "range": drift.range,
+            "relative_sigma": drift.relative_sigma,
+        })),
+        "warnings": made.warnings,
+    });
+    let mut text = report::text(&found);
+    if let Some(drift) = made.drift {
+        text +=
+            &format!("reference {} readings, range {:.2} %\n", drift.readings, 100.0 * drift.range);
+    }
+    super::finish(&out, &found, product, &text, console)
+}
+
+/// Refuses to go on with another plan than that with which the run was begun.
+fn check_same(
+    args: &RunArgs,
+    plan: &RunPlan,
+    begun: &Begun,
+    folder: &Path,
+    rig_text: Option<&str>,
+) -> anyhow::Result<()> {
+    let text = begun.file(PLAN).with_context(|| {
+        format!("{}: {PLAN} is missing; the folder of a run holds it", folder.display())
+    })?;
+    // Its curves lie where the plan's do.
+    let old = Document::new(args.plan.with_file_name(PLAN), text)?;
+    let old = RunPlan::new(&old, rig_text)?;
+    if old.measuring != plan.measuring {
+        bail!(
+            "{}: devices, wavelengths, filters or exposures are not those with which the run in {} was begun (its {PLAN}): go on with that file",
+            args.plan.display(),
+            folder.display()
+        );
+    }
+    Ok(())
+}
+
+struct Opened {
+    monochromator: Box<dyn Monochromator>,
+    meter: AnyMeter,
+    counter: Box<dyn PhotonCounter>,
+    wheel: Option<Box<dyn FilterWheel>>,
+}
+
+fn open(
+    plan: &RunPlan,
+    virtual_rig: Option<&VirtualCounting>,
+    pace: &Pace,
+) -> anyhow::Result<Opened> {
+    let measuring = &plan.measuring;
+    let wheel = measuring.wheel.as_ref();
+    if let Some(rig) = virtual_rig {
+        return Ok(Opened {
+            monochromator: Box::new(rig.monochromator()),
+            meter: AnyMeter::Meter(Box::new(rig.photodiode())),
+            counter: Box::new(rig.counter()),
+            wheel: wheel.map(|_| Box::new(rig.wheel()) as Box<dyn FilterWheel>),
+        });
+    }
+    let (monochromator, meter) = (&measuring.monochromator, &measuring.meter);
+    Ok(Opened {
+        monochromator: open::monochromator(&monochromator.device, &monochromator.with, pace)?,
+        meter: open::meter(&meter.device, &meter.with, meter.unit, pace)?,
+        counter: open::counter(&measuring.counter, pace)?,
+        wheel: wheel.map(|wheel| open::wheel(&wheel.device, &wheel.with, pace)).transpose()?,
+    })
+}
+
+impl Opened {
+    /// Who the devices say they are, with all their settings.
+    fn describe(&mut self, pace: &Pace) -> anyhow::Result<Value> {
+        let meter: &mut dyn Device = match &mut self.meter {
+            AnyMeter::Meter(meter) => meter.as_mut(),
+            AnyMeter::Power(meter) => meter.as_mut(),
+        };
+        let mut made = json!({
+            "monochromator": describe(self.monochromator.as_mut(), &pace.clock)?,
+            "meter": describe(meter, &pace.clock)?,
+            "counter": describe(self.counter.as_mut(), &pace.clock)?,
+        });
+        if let Some(wheel) = &mut self.wheel {
+            made["wheel"] = describe(wheel.as_mut(), &pace.clock)?;
+        }
+        Ok(made)
+    }
+}
+
+/// A line that ends a place, in words.
+fn step(line: &Line) -> Option<String> {
+    (line.state == State::Kept).then(|| match line.part {
+        Part::Dark => "dark".to_owned(),
+        part => format!("{} {:.2} nm", part.name(), line.wavelength_nm),
+    })
+}
+
+/// Measures what is missing.
+fn take(
+    args: &RunArgs,
+    plan: &RunPlan,
+    folder: &Path,
+    begun: Option<Begun>,
+    console: Console,
+) -> anyhow::Result<(Vec<Line>, f64)> {
+    let cancel = Cancel::new();
+    let asking = Arc::new(AtomicBool::new(false));
+    rig::listen(&cancel, &asking, console)?;
+    let before = begun.as_ref().map_or(&[][..], |begun| &begun.lines);
+    let read = before.iter().filter(|line| line.state.is_reading()).count();
+    let virtual_rig = match &plan.rig {
+        None => None,
+        Some(rig) => Some(VirtualCounting::new(Options::read(rig)?, read as u64)?),
+    };
+    let last_s = before.last().map_or(0.0, |line| line.time_s);
+    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
+    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.is_some(), first_utc, last_s);
+    let pace = Pace { clock: clock.clone(), cancel };
+    // A device that is not there leaves no run behind.
+    let mut opened = open(plan, virtual_rig.as_ref(), &pace)?;
+    let devices = opened.describe(&pace)?;
+    let mut log = match &begun {
+        None => {
+            let mut files = vec![(PLAN, plan.source.as_str())];
+            files.extend(plan.rig.as_ref().map(|rig| (VIRTUAL_RIG, rig.source())));
+            Log::create(folder, &files, clock)?
+        }
+        Some(begun) => Log::resume(folder, begun, clock)?,
+    };
+    let what = if begun.is_some() { "resume" } else { "begin" };
+    log.write_event(what, json!({ "lines": before.len() }))?;
+    log.write_event("devices", devices)?;
+    let places = visits(&plan.measuring);
+    let finished = done(before);
+    let left = places.iter().filter(|v| !finished.contains(&(v.part, v.number))).count();
+    console
+        .say(&format!("{left} of {} places are left (dark, reference, wavelengths)", places.len()));
+    let bar = Arc::new(Bar::new(console));
+    bar.begin("run", Some(left as u64));
+    log.watch(Box::new(Live { bar: bar.clone(), console, step }));
+    let mut person = rig::Person { yes: args.yes, asking, console, words: open::words };
+    let mut robot = virtual_rig.map(Robot);
+    let hands: &mut dyn Hands = match &mut robot {
+        Some(robot) => robot,
+        None => &mut person,
+    };
+    let began_s = pace.now_s();
+    let Opened { monochromator, meter, counter, wheel } = &mut opened;
+    let mut bench = Rig {
+        monochromator: monochromator.as_mut(),
+        photodiode: match meter {
+            AnyMeter::Meter(meter) => Photodiode::Meter(meter.as_mut()),
+            AnyMeter::Power(meter) => Photodiode::Power(meter.as_mut()),
+        },
+        counter: counter.as_mut(),
+        wheel: match wheel {
+            Some(wheel) => Some(wheel.as_mut()),
+            None => None,
+        },
+        hands,
+        pace: pace.clone(),
+    };
+    let result = measure(&mut bench, &plan.measuring, &places, before, zero_s, &mut log);
+    bar.end();
+    if let Err(error) = result {
+        let kept = done(&log.lines);
+        let steps = kept.iter().filter(|(part, _)| *part == Part::Step).count();
+        let folder = folder.display();
+        return Err(anyhow!(error)).with_context(|| {
+            format!(
+                "the run cannot go on; {steps} of {} wavelengths are safe in {folder}: go on with --resume, or make the efficiency of them with --reduce",
+                plan.measuring.wavelengths.len()
+            )
+        });
+    }
+    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    Ok((std::mem::take(&mut log.lines), pace.now_s() - began_s))
+}
