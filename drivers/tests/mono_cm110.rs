@@ -310,7 +310,7 @@ fn a_thousand_seeds_end_right_or_with_a_named_error() {
     assert_eq!(life(Faults::NONE, 1).0, Ok(()));
 }
 
-/// What `devices move` and `devices read` do, on the computer's clock: 5 nm are 50 ms. Truth: the target; the lamp's lines are in the other tests.
+/// The work of `devices move` and `devices read`, on the computer's clock: 5 nm are 50 ms. Truth: the target; the lamp's lines are in the other tests.
 #[test]
 fn a_session_moves_and_reads_the_simulated_instruments() {
     use sunglint_drivers::session::{Peer, ReadOptions, Reading, Session, SessionOptions, Target};

@@ -82,7 +82,7 @@ pub struct Fitted {
     pub name: &'static str,
     /// The law with its best values.
     pub law: DeadTime,
-    /// Its values.
+    /// Values of the law.
     pub found: Vec<Found>,
     /// χ² of the counts.
     pub chi2: f64,

@@ -111,7 +111,7 @@ pub struct Aperture {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExtrapolationLaw {
-    /// As many electrons per photon as at the end of the table: the responsivity is proportional to the wavelength.
+    /// The electrons per photon of the table's end: the responsivity is proportional to the wavelength.
     ConstantQuantumEfficiency,
     /// The straight line through the last two points of the table, and 0 where that is below 0.
     Linear,
@@ -120,7 +120,7 @@ pub enum ExtrapolationLaw {
 /// Responsivity beyond the ends of a photodiode's table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extrapolation {
-    /// Its law.
+    /// Law of the extrapolation.
     pub law: ExtrapolationLaw,
     /// First and last wavelength for which it is taken, nm.
     pub within_nm: (f64, f64),

@@ -76,7 +76,7 @@ pub fn reduce_run(plan: &Path) -> Result<EfficiencyRun, EfficiencyRunError> {
     Ok(EfficiencyRun { name, efficiency, curve, left_out_nm, plan, inputs, warnings })
 }
 
-/// What a run's file says, and the files that it names.
+/// Contents of a run's file and of the files that it names.
 #[derive(Debug, Clone)]
 pub struct Parts {
     /// The sensor's name: the file's, else that of the file.

@@ -90,10 +90,10 @@ struct Written {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// As they rise.
+    /// From short to long.
     #[default]
     Up,
-    /// As they fall.
+    /// From long to short.
     Down,
     /// Every second one on the way up, the others on the way down: a drift is not a slope.
     ThereAndBack,
@@ -336,7 +336,7 @@ pub struct Filter {
     pub blocks_below_nm: Option<Positive>,
 }
 
-/// What is measured: a run that was begun can only be gone on with if this is the same.
+/// Measurements of the plan: a run that was begun can only be gone on with if this is the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measuring {
     /// The monochromator.
@@ -379,7 +379,7 @@ pub struct At {
 pub struct RunPlan {
     /// Name of the sensor.
     pub name: String,
-    /// What is measured.
+    /// Measurements of the plan.
     pub measuring: Measuring,
     /// The run's file for the reduction, its paths as the plan has them; `readings` names the scan's table.
     pub known: toml::Table,

@@ -40,7 +40,7 @@ pub enum TableError {
     /// The reduction of the reference.
     #[error(transparent)]
     Run(#[from] EfficiencyRunError),
-    /// As above.
+    /// Numbers that the reduction does not take.
     #[error(transparent)]
     Number(#[from] EfficiencyError),
 }

@@ -15,7 +15,7 @@ use sunglint_numerics::measured::Interval;
 /// How it goes to a wavelength.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
-    /// As fast as it can (`GOTO`): it cannot be stopped on the way.
+    /// At full speed (`GOTO`): it cannot be stopped on the way.
     Goto,
     /// With the speed that is set in nm/min (`>NM`): it can be stopped.
     Scan,

@@ -128,7 +128,7 @@ pub fn grating(body: &str) -> Result<u8, ReplyError> {
 /// The model's name (`SP-2-150i`).
 ///
 /// # Errors
-/// What does not begin with a letter, or has spaces in it: the answer to another question.
+/// Text that does not begin with a letter, or has spaces in it: the answer to another question.
 pub fn model(body: &str) -> Result<String, ReplyError> {
     let letter = body.starts_with(|first: char| first.is_ascii_alphabetic());
     let name = body.len() >= 2 && body.bytes().all(|byte| byte.is_ascii_graphic());

@@ -33,12 +33,12 @@ impl Default for LinkSettings {
     }
 }
 
-/// What a controller does.
+/// State of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doing {
     /// It has no reference since it was switched on.
     NotReferenced,
-    /// Its settings are being changed.
+    /// The settings are being changed.
     Configuration,
     /// It searches its reference.
     Homing,
@@ -55,7 +55,7 @@ pub enum Doing {
 pub struct Status {
     /// Error bits.
     pub errors: u16,
-    /// What it does.
+    /// State of the controller.
     pub doing: Doing,
 }
 
@@ -231,7 +231,7 @@ impl<T: Bytes> Smc100<T> {
     }
 }
 
-/// What stands behind the question that an answer repeats.
+/// The text behind the question that an answer repeats.
 fn behind<'a>(question: &str, line: &'a str) -> Result<&'a str, ReplyError> {
     let data = line.strip_prefix(question).map(str::trim);
     data.ok_or_else(|| ReplyError::new(line, "an answer that repeats the question"))

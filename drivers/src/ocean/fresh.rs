@@ -6,7 +6,7 @@ use crate::device::{DeviceError, not_taken};
 use hifitime::Epoch;
 use std::time::Duration;
 
-/// What an instrument can be told and asked, whatever its protocol.
+/// Commands and questions that an instrument takes, whatever its protocol.
 pub(super) trait Instrument {
     /// The time of integration as the instrument tells it, µs; `None` where it does not.
     fn told_us(&mut self, deadline: &Deadline) -> Result<Option<u32>, DeviceError>;
@@ -18,7 +18,7 @@ pub(super) trait Instrument {
     fn raw(&mut self, work: Duration, deadline: &Deadline) -> Result<Vec<f64>, DeviceError>;
 }
 
-/// What is known of the time of integration within the instrument.
+/// Knowledge of the time of integration within the instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Integration {
     /// Nothing: it may be anything, and so may that of a spectrum under way.

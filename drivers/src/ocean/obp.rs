@@ -30,7 +30,7 @@ impl Flags {
     pub const ASK_ACK: u16 = 0x04;
     /// It did not.
     pub const NACK: u16 = 0x08;
-    /// Its hardware failed.
+    /// The hardware failed.
     pub const EXCEPTION: u16 = 0x10;
 
     /// Whether any of these is set.
@@ -117,7 +117,7 @@ impl Frame {
         Self { flags: Flags(0), error: 0, message, regarding, checked: false, data }
     }
 
-    /// Its bytes.
+    /// Bytes of the message.
     pub fn emit(&self) -> Vec<u8> {
         let short = self.data.len() <= IMMEDIATE;
         let mut bytes = Vec::with_capacity(HEAD + self.data.len() + TAIL);

@@ -58,7 +58,7 @@ impl Default for Cm110Settings {
     }
 }
 
-/// What goes wrong at a command, named by its number (`16`, `56 0`).
+/// Fault at a command, named by its number (`16`, `56 0`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// No answer.
@@ -86,7 +86,7 @@ pub struct Cm110 {
     from: (i64, Duration),
     /// Until when it moves.
     busy_until: Duration,
-    /// What it believes less where the motor stands, tenths of a nanometre.
+    /// Difference of the position that it believes from that of the motor, tenths of a nanometre.
     offset: i64,
     grating: usize,
     unit: u8,

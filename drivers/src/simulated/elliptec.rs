@@ -15,11 +15,11 @@ const TRIES: Duration = Duration::from_millis(500);
 /// Properties of the mount.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ElliptecSettings {
-    /// Its address, 0 to 15.
+    /// Address, 0 to 15.
     pub address: u8,
     /// Number of its model.
     pub model: u8,
-    /// Its travel, deg (or mm of another model).
+    /// Travel, deg (or mm of another model).
     pub travel: u16,
     /// Pulses of a turn.
     pub pulses: u32,

@@ -45,7 +45,7 @@ pub struct Esp301 {
     motor: Motor,
     /// It answers nothing.
     pub dead: bool,
-    /// Its motor cannot be switched on.
+    /// The motor cannot be switched on.
     pub no_power: bool,
     on: bool,
     target: f64,

@@ -126,7 +126,7 @@ impl OceanSettings {
     }
 }
 
-/// What goes wrong at a message, named by its number (`00101000`).
+/// Fault at a message, named by its number (`00101000`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// No answer.

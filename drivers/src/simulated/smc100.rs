@@ -12,7 +12,7 @@ const COUNTS: f64 = 10_000.0;
 /// Properties of the controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smc100Settings {
-    /// Its address, 1 to 31.
+    /// Address, 1 to 31.
     pub address: u8,
     /// Speed, counts/s.
     pub speed: i64,

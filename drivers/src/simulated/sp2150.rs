@@ -42,7 +42,7 @@ impl Default for Sp2150Settings {
     }
 }
 
-/// What goes wrong at a line, named by its text without parameters (`GOTO`, `?NM`).
+/// Fault at a line, named by its text without parameters (`GOTO`, `?NM`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// No answer.

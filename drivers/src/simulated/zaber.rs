@@ -9,7 +9,7 @@ use std::time::Duration;
 /// Properties of the device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZaberSettings {
-    /// Its address, 1 to 99.
+    /// Address, 1 to 99.
     pub address: u8,
     /// Whether its replies have checksums (comm.checksum).
     pub checksums: bool,
@@ -21,7 +21,7 @@ pub struct ZaberSettings {
     pub reference: i64,
     /// Whether it has its reference at first, where it stands.
     pub referenced: bool,
-    /// Its position at the reference (limit.home.preset).
+    /// Position at the reference (limit.home.preset).
     pub preset: i32,
     /// How long it takes to answer.
     pub latency: Duration,

@@ -24,7 +24,7 @@ impl Unit {
         [Self::Micrometre, Self::Nanometre, Self::Angstrom].get(usize::from(number)).copied()
     }
 
-    /// Its number.
+    /// Number of the unit.
     pub fn number(self) -> u8 {
         match self {
             Self::Micrometre => 0,
@@ -74,7 +74,7 @@ impl Query {
         Self::Serial,
     ];
 
-    /// Its number.
+    /// Number of the question.
     pub fn number(self) -> u8 {
         match self {
             Self::Position => 0,
@@ -115,7 +115,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Its bytes.
+    /// Bytes of the command.
     pub fn emit(self) -> Vec<u8> {
         match self {
             Self::Goto(place) => {
@@ -154,7 +154,7 @@ impl Status {
     pub const REFUSED: u8 = 0x80;
     /// There was nothing to do: it is there already.
     pub const IDLE: u8 = 0x40;
-    /// What was refused is too small; too large otherwise.
+    /// The refused value is too small; too large otherwise.
     pub const SMALL: u8 = 0x20;
 
     /// Whether it did not take the command, and why.

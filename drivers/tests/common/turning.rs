@@ -1,4 +1,4 @@
-//! What the tests of stages on [`Turning`] share: lives on bad lines, and recorded conversations.
+//! Parts that the tests of stages on [`Turning`] share: lives on bad lines, and recorded conversations.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test uses its part")]
 
 use std::collections::BTreeMap;
@@ -148,7 +148,7 @@ pub enum Cable {
     Flip(u32),
 }
 
-/// What happens to the device before a piece of the host.
+/// Events at the device before a piece of the host.
 pub type Before<D> = Option<(u32, fn(&mut D))>;
 
 /// One conversation: the device, what happens to the cable and, before a piece of the host, to the device, and how it ends.

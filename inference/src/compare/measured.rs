@@ -78,7 +78,7 @@ pub struct MeasuredPass {
     pub inputs: Vec<Input>,
     /// Notes in the file about the curve.
     pub notes: Vec<String>,
-    /// What reading magnitudes showed, in words: rows that were left out, uncertainties that there are none.
+    /// Findings of the reader of magnitudes, in words: rows that were left out, samples without an uncertainty.
     pub warnings: Vec<String>,
     /// Place of each sample in its file, from 0: samples are in the order of time.
     pub file_rows: Vec<usize>,

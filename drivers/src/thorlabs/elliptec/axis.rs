@@ -150,7 +150,7 @@ impl<T: Bytes> Elliptec<T> {
         ))))
     }
 
-    /// What came unasked.
+    /// Replies that came unasked.
     fn note(&mut self, reply: &Reply) {
         match reply {
             // The end of a search is told by a position, and only so: silence may be a command that was lost.

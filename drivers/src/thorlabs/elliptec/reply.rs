@@ -23,7 +23,7 @@ pub struct Info {
 }
 
 impl Info {
-    /// What kind of stage is known to be no rotation mount.
+    /// Name of the stage's kind where it is known to be no rotation mount.
     pub fn other_kind(&self) -> Option<&'static str> {
         match self.model {
             6 | 9 | 12 => Some("a slider"),
