@@ -118,13 +118,16 @@ fn a_responsivity_is_found_beside_its_file() {
     let file = folder.path().join("diode.toml");
     let text = "kind = \"power_meter\"\nname = \"p\"\n[read]\nsend = \"R?\"\nunit = \"A\"\nfresh = \"trigger\"\n[response]\nfile = \"r.csv\"\n";
     std::fs::write(&file, text).unwrap();
-    std::fs::write(folder.path().join("r.csv"), "wavelength_nm,responsivity_a_w\n400,0.2\n800,x\n")
-        .unwrap();
+    std::fs::write(
+        folder.path().join("r.csv"),
+        "wavelength_nm,responsivity_a_per_w\n400,0.2\n800,x\n",
+    )
+    .unwrap();
     let said = Definition::read(&file).unwrap_err().to_string();
     assert!(said.contains("r.csv:3: "), "{said}");
     std::fs::write(
         folder.path().join("r.csv"),
-        "wavelength_nm,responsivity_a_w\n400,0.2\n800,0.5\n",
+        "wavelength_nm,responsivity_a_per_w\n400,0.2\n800,0.5\n",
     )
     .unwrap();
     assert_eq!(Definition::read(&file).unwrap().unit(), "W");

@@ -136,9 +136,14 @@ pub fn text(choice: &Choice) -> String {
             fitted.name, fitted.chi2, fitted.freedom
         );
         for found in &fitted.found {
+            // Two digits of the interval's half-width.
+            let half = 0.5 * (found.high - found.low);
+            let digits =
+                if half.is_finite() && half > 0.0 { 1.0 - half.log10().floor() } else { 4.0 };
+            let digits = digits.clamp(0.0, 12.0) as usize;
             let _ = writeln!(
                 text,
-                "  {} {:.4}, 95 % interval {:.4} to {:.4}",
+                "  {} {:.digits$}, 95 % interval {:.digits$} to {:.digits$}",
                 found.name, found.value, found.low, found.high
             );
         }

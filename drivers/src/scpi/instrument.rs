@@ -141,7 +141,7 @@ impl Instrument {
         if let (Some(response), Some(nm)) = (&self.about.response, self.wavelength_nm) {
             all.push(told("wavelength_nm", Value::Number(nm)));
             let a_per_w = response.a_per_w(nm);
-            all.extend(a_per_w.map(|a_per_w| told("responsivity_a_w", Value::Number(a_per_w))));
+            all.extend(a_per_w.map(|a_per_w| told("responsivity_a_per_w", Value::Number(a_per_w))));
         }
         Ok(all)
     }

@@ -120,7 +120,11 @@ impl Link {
     pub(super) fn who(&mut self, deadline: &Deadline) -> Result<Captured, DeviceError> {
         let (question, pattern) = (self.plan.identify.clone(), self.plan.pattern.clone());
         let of = |answer: &str| pattern.of(answer).ok_or_else(|| format!("`{}`", pattern.source()));
-        self.ask_surely(&question, of, deadline)
+        let mut who = self.ask_surely(&question, of, deadline)?;
+        // A file that insists on a maker has its name as text.
+        let maker = pattern.source().split(',').next().filter(|text| !text.contains('{'));
+        who.vendor = who.vendor.or(maker.map(|text| text.trim().to_owned()));
+        Ok(who)
     }
 
     /// Asks, and gives what the parser makes of the answer. An answer that it does not understand is asked for once more.

@@ -6,7 +6,7 @@ use sunglint_formats::{FileError, ParseError, read};
 use sunglint_numerics::measured::Interval;
 
 /// The first line of a responsivity's file.
-const HEADER: &str = "wavelength_nm,responsivity_a_w";
+const HEADER: &str = "wavelength_nm,responsivity_a_per_w";
 /// Most points of a table.
 const MOST: usize = 10_000;
 
@@ -37,7 +37,7 @@ impl Response {
         Err(format!("2 to {MOST} {what}"))
     }
 
-    /// Reads a CSV: the line `wavelength_nm,responsivity_a_w`, then pairs of numbers; lines that begin with `#` are comments.
+    /// Reads a CSV: the line `wavelength_nm,responsivity_a_per_w`, then pairs of numbers; lines that begin with `#` are comments.
     ///
     /// # Errors
     /// A file that cannot be read, or a [`ParseError`] with its line.
@@ -107,7 +107,7 @@ mod tests {
     /// Truth: straight lines between the points, by hand; nothing beyond them.
     #[test]
     fn responsivity_is_linear_and_ends_with_its_table() {
-        let text = "# S1337, from its sheet\nwavelength_nm, responsivity_a_w\n400,0.2\n600,0.4\n\n 800 , 0.5\n";
+        let text = "# S1337, from its sheet\nwavelength_nm, responsivity_a_per_w\n400,0.2\n600,0.4\n\n 800 , 0.5\n";
         let response = Response::parse("s1337.csv", text).unwrap();
         assert_eq!(response.ends_nm().to_array(), [400.0, 800.0]);
         for (nm, a_per_w) in [(400.0, 0.2), (500.0, 0.3), (600.0, 0.4), (800.0, 0.5)] {
@@ -123,7 +123,7 @@ mod tests {
     fn a_wrong_table_says_its_line() {
         let error = |text: &str| Response::parse("r.csv", text).unwrap_err().to_string();
         assert!(error("nm,a\n").starts_with("r.csv:1: "), "{}", error("nm,a\n"));
-        let head = "wavelength_nm,responsivity_a_w\n";
+        let head = "wavelength_nm,responsivity_a_per_w\n";
         for (rows, line, why) in [
             ("400,0.2\n400,0.3\n", 3, "above that of the line before"),
             ("400,0.2\n500,-1\n", 3, "both above 0"),
