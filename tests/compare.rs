@@ -326,7 +326,7 @@ fn rows_that_are_no_magnitudes_of_the_target_do_not_count() {
     assert!((number("mean_mag") - 0.5).abs() < 1e-5 && number("scatter_mag") < 1e-5, "{numbers}");
     assert!((number("scale") - 10_f64.powf(-0.2)).abs() < 1e-5, "{numbers}");
     let said = folder.refused(1, &["compare", "m.csv", "pass.toml", "--sigma-column", "error"]);
-    assert!(said.contains("no column `error`"), "{said}");
+    assert!(said.contains("expected a column `error` of uncertainties"), "{said}");
 }
 
 /// Truth: Chromium: the page draws its charts, switches a channel, zooms, reads values, is no wider than its window, has no error and asks nothing of any network.

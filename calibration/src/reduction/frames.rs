@@ -294,7 +294,7 @@ pub fn camera_night(
         let wanted: Vec<&FrameFile> =
             order.iter().filter(|i| on_target(i).is_some()).map(|i| &files[*i]).collect();
         // One thread reads while another measures. After a failure nobody waits for frames any more.
-        scope.spawn(move || wanted.iter().try_for_each(|file| sender.send(file.read())));
+        scope.spawn(move || wanted.iter().all(|file| sender.send(file.read()).is_ok()));
         for &i in &order {
             let file = &files[i];
             step(progress, 1)?;

@@ -57,8 +57,8 @@ pub(super) static SIM_OCEAN: Driver = Driver {
         OptionSpec {
             name: "lamp",
             kind: Number(0.0, 1e3),
-            default: "1",
-            about: "light of the lamp; 0 is the dark",
+            default: "0.3",
+            about: "light of the lamp; 0 is the dark, and 1 saturates in 0.1 s",
         },
         OptionSpec {
             name: "checksum",

@@ -213,7 +213,7 @@ fn to_a_tolerance(alpha: Option<f64>, q: DVec3, tolerance: f64) -> (f64, f64) {
     (sum(&weights), sum(&errors))
 }
 
-/// Truth: the integral above, of Lambert light and lobes, with a tolerance so wide that a sphere 100 radii away is taken as far away, where its distance changes 0.2 to 6 % of its light (beyond 165° it is integrated). Tolerance: the stated error.
+/// Truth: the integral above, of Lambert light and lobes, with a tolerance so wide that a sphere 100 radii away is taken as far away, where its distance changes 0.2 to 6 % of its light (beyond 165° it is integrated). Tolerance: the stated error, and 1e-6 for the integral.
 #[test]
 fn the_error_of_a_far_sphere_holds_the_change_by_its_distance() {
     let away = 100.0;
@@ -229,7 +229,7 @@ fn the_error_of_a_far_sphere_holds_the_change_by_its_distance() {
                 off / truth,
                 error / truth
             );
-            assert!(off <= error, "{alpha:?} {phase_deg}: {ours} {truth} {error}");
+            assert!(off <= error + 1e-6 * truth, "{alpha:?} {phase_deg}: {ours} {truth} {error}");
         }
     }
 }

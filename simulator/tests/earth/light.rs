@@ -245,7 +245,7 @@ fn layers_are_tables_of_their_own() {
 }
 
 /// Truth: proportion. What an engine has of a table of one value is what it has over an even Earth of that value: bounced light by the same points and paths to 1e-6 (the table's numbers), light that is
-/// scattered once by a rule of another order, to what is asked of it (2e-4 of itself; 1e-3 here, a tenth of the tolerance where light paths are, for the sake of time, at 1 %). A table of twice the value in all that is in sight of the body has twice the light, one that is dark there none (to the
+/// scattered once by a rule of another order, to what is asked of it (a fifth of the tolerance at most; 1e-3 here, with tolerances of 0.3 % and, where light paths are, 1 %, for the sake of time). A table of twice the value in all that is in sight of the body has twice the light, one that is dark there none (to the
 /// rounding of sums). Of a corner, which exchanges light by patches, and of a sphere beside a plate, by light paths.
 #[test]
 fn bounced_earthshine_follows_the_table() {
@@ -254,7 +254,7 @@ fn bounced_earthshine_follows_the_table() {
         [[material]]\nname = \"white\"\nmodel = \"lambert\"\nreflectance = 0.9\n";
     let sphere = Target::parse("sphere.toml", sphere).unwrap();
     for (target, way, tolerance) in
-        [(Target::built_in("corner").unwrap(), "patches", 1e-3), (sphere, "light paths", 1e-2)]
+        [(Target::built_in("corner").unwrap(), "patches", 3e-3), (sphere, "light paths", 1e-2)]
     {
         let sent = |earth| sent(&target, (way, tolerance), earth);
         let [direct, bounced] = sent(EarthAlbedo::default());
