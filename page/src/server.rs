@@ -24,7 +24,8 @@ use tokio::sync::{Semaphore, oneshot};
 use tokio::time::Sleep;
 
 /// Connections at most. One more takes the place of the one that has been silent for longest, first of those that never asked with the token.
-const SEATS: usize = 128;
+/// More than wait at the port (129), so that a browser that was served just now is not shown out by clients that came before it.
+const SEATS: usize = 192;
 /// Requests of one connection in a second at most.
 const REQUESTS: u32 = 100;
 /// Longest body of a request that asks for a change, which has the token, bytes: a recipe with 100,000 refused frames.
