@@ -315,7 +315,7 @@ fn unrest(places: &[Place], noise: Noise, darks: &Darks) -> f64 {
 
 const HEADER: &str = "wavelength_nm,photodiode_v,photodiode_dark_v,sigma_photodiode_v,counts,exposure_s,dark_counts,dark_exposure_s,sigma_drift_relative,second_order\n";
 
-/// Tables of a run's lines; `folder` holds the curves that the reduction names, as [`write`] puts them there.
+/// Tables of a run's lines; `folder` holds the curves that the reduction names, as [`write()`] puts them there.
 ///
 /// # Errors
 /// No complete wavelength or dark reading; files of the folder.
