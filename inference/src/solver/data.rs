@@ -110,8 +110,9 @@ impl Data {
         let at = [epoch, channel];
         let stated = self.sigma[at].powi(2);
         if let Some(share) = &self.share {
+            // Not below what the track's own brightness says: where the model lacks a glint, its rate is no measure of the light's uncertainty.
             let rate = model.unwrap_or_else(|| self.beginning(epoch, channel));
-            return (share[at] * rate).powi(2).max(LEAST_VARIANCE * stated);
+            return (share[at] * rate).powi(2).max(stated);
         }
         match model {
             Some(model) => (stated + self.variance_slope[at] * (model - self.rate[at]))
