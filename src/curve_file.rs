@@ -150,7 +150,6 @@ impl Magnitudes {
 /// The error with the option that may help.
 pub fn with_hint(error: PublishedError) -> anyhow::Error {
     match error {
-        PublishedError::NoSigma { .. } => anyhow!("{error} (--sigma-column NAME)"),
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
         PublishedError::Objects { .. } => anyhow!("{error} (--object NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),

@@ -213,6 +213,23 @@ fn errors_of_calibration_do_not_average_out_within_a_night() {
     }
 }
 
+/// Truth: by hand. 60 magnitudes of a light of 100, and 12 of a glint of 1,000 that the model lacks, all to 10 % of their own light: the weighted mean of the light, over 100, is 1.018. Were the uncertainties 10 % of the model's
+/// light, it would be 2.5.
+#[test]
+fn a_glint_that_the_model_lacks_has_the_uncertainty_of_its_own_light() {
+    let light = |i: usize| if i < 60 { 100.0 } else { 1000.0 };
+    let rate = Array2::from_shape_fn((72, 1), |(i, _)| light(i));
+    let mut data = Data::new("a", rate.clone(), rate.map(|r| 0.1 * r));
+    data.share = Some(Array2::from_elem((72, 1), 0.1));
+    let mut model = Fixed { columns: vec![Array3::from_elem((72, 1, 1), 100.0)], times: None };
+    let found = fit(&[data], &mut model, &[], &[linear(0, vec![0])], &PLAIN, &mut |_| ()).unwrap();
+    let (own, of_glint) = (60.0 / 100_f64.powi(2), 12.0 / 1000_f64.powi(2));
+    let factor = (100.0 * own + 1000.0 * of_glint) / (100.0 * (own + of_glint));
+    let value = found.parameters[0].value;
+    // The weight of what is not in the glint follows the factor, which is 2 % above 1.
+    assert!((value / factor - 1.0).abs() < 2e-3, "{value} {factor}");
+}
+
 /// Truth: by hand. Two materials make 100 and 50 Hz, constant in time, each alone in a channel, and both albedos are free. The first is known to 10 % (one standard deviation): its own albedo is unsure by 10 %, the other's
 /// by nothing, whatever the number of samples. Where only a material of 50 Hz is free it takes up all of 10 Hz: 0.2.
 #[test]

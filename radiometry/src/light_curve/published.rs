@@ -119,16 +119,6 @@ pub enum PublishedError {
         /// The noise that was asked for, mag.
         value: f64,
     },
-    /// A column of uncertainties that the table has not.
-    #[error("{}: no column `{column}` of standard uncertainties; it has {found}", path.display())]
-    NoSigma {
-        /// The file.
-        path: PathBuf,
-        /// The column that was asked for.
-        column: String,
-        /// The columns that are there.
-        found: String,
-    },
     /// Magnitudes with the air's extinction in them.
     #[error(
         "{}: magnitudes with the air's extinction in them cannot be fitted: correct them to above the air",
@@ -218,14 +208,13 @@ impl CurveFile {
             return Ok(Self::Rates(Box::new(table)));
         }
         let names = &options.columns;
-        let found = || {
+        let no_curve = || {
             let found: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            found.join(", ")
-        };
-        let no_curve = || PublishedError::NoCurve {
-            path: path.to_path_buf(),
-            column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
-            found: found(),
+            PublishedError::NoCurve {
+                path: path.to_path_buf(),
+                column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
+                found: found.join(", "),
+            }
         };
         let (name, is_flux) = match (names.magnitude_of(&table), names.flux_of(&table)) {
             (Some(name), _) => (name, false),
@@ -249,13 +238,9 @@ impl CurveFile {
                 Err(why) => notes.push(why),
             }
         }
-        let mut sigma = match (names.sigma_of(&table, is_flux), &names.sigma) {
-            (Some(name), _) => Some(table.f64(name)?.into_owned()),
-            (None, Some(asked)) => {
-                let (path, column) = (path.to_path_buf(), asked.clone());
-                return Err(PublishedError::NoSigma { path, column, found: found() });
-            }
-            (None, None) => None,
+        let mut sigma = match names.sigma_of(&table, is_flux) {
+            Some(name) => Some(table.f64(name)?.into_owned()),
+            None => None,
         };
         if is_flux {
             // Fluxes in any unit: their magnitudes have a zero point of their own.
