@@ -59,7 +59,8 @@ device.close()
 fn seabreeze_reads_the_values_that_our_driver_reads() {
     let name = "seabreeze_reads_the_values_that_our_driver_reads";
     let Some(python) = peer_python(name, &["seabreeze.pyseabreeze"]) else { return };
-    for options in [&[][..], &["checksum=yes"]] {
+    // The lamp of `OceanSettings`, from which the truth comes.
+    for options in [&["lamp=1"][..], &["lamp=1", "checksum=yes"]] {
         let printed = served(options, |at| {
             run_python(&python, SCRIPT, &[&at.ip().to_string(), &at.port().to_string()])
         });
