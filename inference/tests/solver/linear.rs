@@ -368,7 +368,7 @@ fn a_single_outlier_draws_no_albedo_beside_common_noise() {
     }
 }
 
-/// Truth: 60 magnitudes of a factor of 1 with σ of 0.1 mag, of which ten, three or one are 2.5 mag too faint; the uncertainties are as files have them, shares of the measured fluxes. Tolerance: a tenth
+/// Truth: 60 magnitudes of a factor of 1 with σ of 0.1 mag, of which ten, three or one are 2.5 mag too faint; the uncertainties are as curves have them, shares of a smooth brightness. Tolerance: a tenth
 /// of outliers and more bends Huber's loss by a few per cent (Huber 1981, §1.3: outliers of a share ε on one side shift the mean by 1.345 σ ε/(1 − ε), 2.5 % for ten of 60, and their spread is wider for it): 8 % with ten, 3 % with fewer; Tukey's leaves them out:
 /// 5 %, three standard errors. In any order of the samples.
 #[test]
@@ -391,7 +391,7 @@ fn faint_outliers_of_magnitudes_draw_no_factor() {
                 truth[[i, 0]] * 10_f64.powf(-0.4 * (off[i] + faint(i)))
             });
             let share = 0.1 * 0.4 * std::f64::consts::LN_10;
-            let sigma = rate.mapv(|r| r * share);
+            let sigma = truth.mapv(|r| r * share);
             let mut data = Data::new("a", rate, sigma);
             data.share = Some(Array2::from_elem((n, 1), share));
             let columns = vec![truth.insert_axis(ndarray::Axis(2))];
