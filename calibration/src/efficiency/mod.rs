@@ -48,6 +48,8 @@ bitflags::bitflags! {
         const EXTRAPOLATED = 1 << 9;
         /// No filter kept the grating's second order away.
         const SECOND_ORDER = 1 << 10;
+        /// The rig changed suddenly about this reading.
+        const DRIFT_STEP = 1 << 11;
     }
 }
 
@@ -70,8 +72,12 @@ pub struct Reading {
     pub dark_counts: f64,
     /// In this time, s.
     pub dark_exposure_s: f64,
-    /// Relative standard uncertainty by what a reference wavelength drifted between its readings.
+    /// Relative change of the efficiency by a drift of the rig since its begin: it is undone.
     pub drift_relative: f64,
+    /// Relative standard uncertainty of that change.
+    pub sigma_drift_relative: f64,
+    /// Whether the rig changed suddenly about this reading.
+    pub drift_step: bool,
     /// Whether the grating's second order may be in the light.
     pub second_order: bool,
 }
@@ -276,6 +282,9 @@ impl fmt::Display for Note {
             EfficiencyFlags::UNTRUSTED => "the law of the dead time is not trusted at these rates",
             EfficiencyFlags::EXTRAPOLATED => {
                 "beyond the photodiode's table its responsivity is that of the stated law"
+            }
+            EfficiencyFlags::DRIFT_STEP => {
+                "the rig changed suddenly about these readings: half of that change is their uncertainty; read them again"
             }
             EfficiencyFlags::SECOND_ORDER => {
                 "no filter kept the grating's second order away: light of half the wavelength may be in both readings"
