@@ -67,12 +67,13 @@ fn a_lamp_that_fades_is_in_no_efficiency() {
 /// half an hour to two, each a standard deviation of its own in each run, so that some runs hardly drift and others by 10 %. Nothing else is uncertain.
 ///
 /// Promise: η at one wavelength of a run (another one each time) within 2 σ in 95 % of the runs: of a hundred, binomial p > 0.01, which 11 misses have (p = 0.011) and 12 not; of the ten that every run of the suite
-/// takes p > 0.001, which 3 misses have (p = 0.012) and 4 (p = 0.0010) just. Without the reference more than half of them would be outside.
+/// takes p > 0.001, which 3 misses have (p = 0.012) and 4 (p = 0.0010) just. Without the reference more than half of them would be outside. A photodiode that settles in little more than the time between two readings may be
+/// taken for a step, in at most 5 % of runs; the promise holds for these, too.
 #[test]
 fn campaign_efficiency_drift() {
     let mut campaign = Campaign::with_part("efficiency_drift", 100, 10);
     let (mut missed, mut uncorrected, mut outside, mut all) = (0, 0, 0, 0);
-    let (mut square, mut largest, mut corrected) = (0.0, 0.0_f64, 0);
+    let (mut square, mut largest, mut corrected, mut stepped) = (0.0, 0.0_f64, 0, 0);
     let text = plan();
     for seed in campaign.seeds() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(7000 + seed);
@@ -86,7 +87,7 @@ fn campaign_efficiency_drift() {
         let lines = lines(&bench);
         let (made, found) = bench.reduced(&lines);
         let drift = made.drift.unwrap();
-        assert!(drift.steps().is_empty(), "seed {seed}: {:?}", drift.steps());
+        stepped += u64::from(!drift.steps().is_empty());
         corrected += u64::from(drift.is_corrected());
         let chosen = (seed as usize * 8) % found.efficiency.rows.len();
         for (k, (nm, pull, _)) in pulls(&bench, &lines, &found).into_iter().enumerate() {
@@ -106,10 +107,11 @@ fn campaign_efficiency_drift() {
     let runs = campaign.seeds().count() as u64;
     let mean = square / all as f64;
     println!(
-        "{missed} of {runs} runs beyond 2 sigma ({uncorrected} without the reference), {outside} of {all} wavelengths, mean square {mean:.2}, largest {largest:.2}, {corrected} runs corrected"
+        "{missed} of {runs} runs beyond 2 sigma ({uncorrected} without the reference), {outside} of {all} wavelengths, mean square {mean:.2}, largest {largest:.2}, {corrected} runs corrected, {stepped} with a step"
     );
     let rare = if runs == 100 { 0.01 } else { 1e-3 };
     assert!(chance_of_misses(runs, missed, 0.05) > rare, "{missed} of {runs}");
+    assert!(20 * stepped <= runs, "{stepped} of {runs} have a step that was none");
     assert!(2 * uncorrected > runs, "{uncorrected} of {runs}: the drift is no test");
     if runs == 100 {
         campaign.largest("share_of_runs_beyond_2_sigma", missed as f64 / runs as f64);

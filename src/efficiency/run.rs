@@ -12,12 +12,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_calibration::efficiency::reduce_run;
 use sunglint_detectors::efficiency::{
-    Begun, FILES, Line, Log, PLAN, Part, RUN, Rig, RunPlan, VIRTUAL_RIG, done, measure, visits,
-    write,
+    Begun, Drift, FILES, Line, Log, Made, PLAN, Part, RUN, Rig, RunPlan, Step, VIRTUAL_RIG, done,
+    measure, visits, write,
 };
 use sunglint_detectors::reading::{Pace, Photodiode};
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{Device, FilterWheel, Monochromator, PhotonCounter};
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
 use sunglint_materials::log::refuse_begun;
 use sunglint_materials::reading::State;
@@ -83,7 +84,8 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     let planned = plan.measuring.wavelengths.len();
     let left = planned - made.steps;
     if left > 0 {
-        console.warn(&format!("{left} wavelengths are not measured yet: go on with --resume"));
+        let left = counted(left, "wavelength");
+        console.warn(&format!("{left} of {planned} still to be measured: go on with --resume"));
     }
     let found = reduce_run(&folder.join(RUN))?;
     let mut product = report::product(&found);
@@ -95,19 +97,43 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
         "took_s": took_s,
         "photodiode_noise": made.noise,
         "light_unrest": made.unrest,
-        "drift": made.drift.map(|drift| json!({
-            "readings": drift.readings,
-            "range": drift.range,
-            "relative_sigma": drift.relative_sigma,
-        })),
+        "lamp_range": made.lamp_range,
+        "drift": made.drift.as_ref().map(drift_json),
         "warnings": made.warnings,
     });
-    let mut text = report::text(&found);
-    if let Some(drift) = made.drift {
-        text +=
-            &format!("reference {} readings, range {:.2} %\n", drift.readings, 100.0 * drift.range);
+    if let (Some(drift), Some(figure)) = (&made.drift, &mut product.figure) {
+        let readings: Vec<(f64, f64, f64)> =
+            drift.points().iter().map(|p| (p.time_s, p.ln, p.sigma)).collect();
+        report::draw_reference(figure, &readings, &|time_s| drift.at(time_s).relative);
     }
+    let mut text = report::text(&found);
+    text += &reference(&made);
     super::finish(&out, &found, product, &text, console)
+}
+
+fn drift_json(drift: &Drift) -> Value {
+    let step = |step: &Step| {
+        json!({ "from_s": step.from_s, "to_s": step.to_s, "relative": step.relative })
+    };
+    json!({
+        "readings": drift.readings(),
+        "range": drift.range(),
+        "corrected": drift.is_corrected(),
+        "hidden": drift.hidden(),
+        "steps": drift.steps().iter().map(step).collect::<Vec<_>>(),
+    })
+}
+
+/// What the reference says, as a line of the text.
+fn reference(made: &Made) -> String {
+    let Some(drift) = &made.drift else { return String::new() };
+    let (range, lamp) = (100.0 * drift.range(), 100.0 * made.lamp_range);
+    let then = match drift.is_corrected() {
+        true => "a drift, which is undone".to_owned(),
+        false => format!("no drift told; it may hide {:.2} %", 100.0 * drift.hidden()),
+    };
+    let readings = counted(drift.readings(), "reading");
+    format!("reference {readings}: efficiency within {range:.2} %, lamp within {lamp:.1} %; {then}\n")
 }
 
 /// Refuses to go on with another plan than that with which the run was begun.

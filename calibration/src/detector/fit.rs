@@ -748,7 +748,9 @@ impl<'a> Data<'a> {
     /// Levels and transmissions that the counts do not tell at all. The law's own times may be untold: their interval says so.
     fn check_told(&self, kind: Kind, x: &[f64], sigma_hz: &[f64]) -> Result<(), FitError> {
         let times = kind.values().len();
-        let free: Vec<usize> = (times..x.len()).collect();
+        // A dark rate that would best be below 0 stands at 0: it is told well enough.
+        let dark = times + self.levels + self.free_steps;
+        let free: Vec<usize> = (times..x.len()).filter(|k| *k != dark || x[*k] > 0.0).collect();
         let jacobian = self.jacobian(kind, x, sigma_hz, &free);
         let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
             jacobian[(i, j)] / jacobian.column(j).norm().max(f64::MIN_POSITIVE)

@@ -266,6 +266,10 @@ pub struct Note {
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { flag, range_nm: (from, to), count, largest } = self;
+        let at = match count {
+            1 => format!("wavelength, {from} nm"),
+            _ => format!("wavelengths from {from} to {to} nm"),
+        };
         let what = match *flag {
             EfficiencyFlags::SATURATED => "the sensor is saturated: less light, or a denser filter",
             EfficiencyFlags::NO_LIGHT => "the photodiode saw no light: no efficiency there",
@@ -273,7 +277,7 @@ impl fmt::Display for Note {
             EfficiencyFlags::ABOVE_ONE => {
                 return write!(
                     f,
-                    "{count} wavelengths from {from} to {to} nm: more counts than photons, η up to {largest:.4}: look at areas, distances, filters, load and responsivity; nothing is clipped"
+                    "{count} {at}: more counts than photons, η up to {largest:.4}: look at areas, distances, filters, load and responsivity; nothing is clipped"
                 );
             }
             EfficiencyFlags::BELOW_DETECTION => "η is below 3 standard deviations",
@@ -291,7 +295,7 @@ impl fmt::Display for Note {
             }
             _ => "readings of one wavelength disagree: their uncertainty was made larger by that",
         };
-        write!(f, "{count} wavelengths from {from} to {to} nm: {what}")
+        write!(f, "{count} {at}: {what}")
     }
 }
 

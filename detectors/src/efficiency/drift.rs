@@ -104,6 +104,12 @@ impl Drift {
         })
     }
 
+    /// Readings of the reference, by time.
+    #[must_use]
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
     /// Number of readings of the reference.
     #[must_use]
     pub fn readings(&self) -> usize {
@@ -114,6 +120,12 @@ impl Drift {
     #[must_use]
     pub fn is_corrected(&self) -> bool {
         self.seen
+    }
+
+    /// Relative root mean square of the change since the first reading beyond its noise: where no change is told it is an uncertainty of all.
+    #[must_use]
+    pub fn hidden(&self) -> f64 {
+        self.excess
     }
 
     /// Largest less least efficiency at the reference, over the least.

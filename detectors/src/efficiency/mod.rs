@@ -11,7 +11,7 @@ mod plan;
 mod tables;
 mod visits;
 
-pub use drift::{Change, Drift, Step};
+pub use drift::{Change, Drift, Point, Step};
 pub use line::{Begun, FILES, Line, Log, PLAN, Part, VIRTUAL_RIG, What};
 pub use measure::{Rig, done, measure};
 pub use plan::{CounterPlan, DarkBy, MeterPlan, Order, PlanError, RunPlan, Unit};

@@ -413,7 +413,8 @@ pub fn make(plan: &RunPlan, lines: &[Line], folder: &Path) -> Result<Made, Table
     let over = places.iter().filter(|p| p.is_over).count();
     if over > 0 {
         warnings.push(format!(
-            "the photodiode's meter was over its range at {over} places: no efficiency there; choose a higher range"
+            "the photodiode's meter was over its range at {}: no efficiency there; choose a higher range",
+            counted(over, "place")
         ));
     }
     if let Some(drift) = &drift {
@@ -466,16 +467,10 @@ fn said<'a>(
     lamp_range: f64,
 ) -> Vec<String> {
     let mut said = vec![];
-    let percent = 100.0 * drift.range();
-    let lamp = 100.0 * lamp_range;
+    let (percent, lamp) = (100.0 * drift.range(), 100.0 * lamp_range);
     if drift.is_corrected() {
         said.push(format!(
             "the rig drifted: the efficiency at the reference wavelength changed by {percent:.2} % in the run (the lamp by {lamp:.1} %, which is in no efficiency). It was undone: all efficiencies are those at the first reading of the reference"
-        ));
-    } else if drift.at(0.0).sigma > 0.0 {
-        said.push(format!(
-            "a drift of the rig is not told from the scatter of the reference readings; all wavelengths have {:.2} % more uncertainty by what these may hide",
-            100.0 * drift.at(0.0).sigma
         ));
     }
     for step in drift.steps() {
