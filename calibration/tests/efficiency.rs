@@ -198,12 +198,8 @@ fn a_drift_is_undone() {
         dark_exposure_s: 1.0,
         ..Reading::default()
     };
-    let drifted = Reading {
-        drift_relative: 0.03,
-        sigma_drift_relative: 0.01,
-        drift_step: true,
-        ..calm
-    };
+    let drifted =
+        Reading { drift_relative: 0.03, sigma_drift_relative: 0.01, drift_step: true, ..calm };
     let of = |r| reduce(&[set(vec![r])], &sensor(1e-7)).map(|found| found.rows[0].clone());
     let (calm, found) = (of(calm).unwrap(), of(drifted).unwrap());
     let near = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");

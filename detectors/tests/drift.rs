@@ -1,8 +1,8 @@
 //! Rigs that drift: lamp, detector and photodiode change while the wavelengths are read. What the lamp does is in no efficiency, what the others do is undone, and what is sudden is flagged.
 
 use super::efficiency::{Bench, PLAN_TEXT};
-use rand::SeedableRng as _;
 use rand::RngExt as _;
+use rand::SeedableRng as _;
 use rand_distr::StandardNormal;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sunglint_calibration::efficiency::{EfficiencyFlags, EfficiencyRun};
@@ -15,7 +15,9 @@ use sunglint_virtual::counting::options::Options;
 fn plan() -> String {
     let exact = PLAN_TEXT.lines().filter(|line| !line.contains("sigma"));
     let text: Vec<&str> = exact.collect();
-    text.join("\n").replace("exposure_s = 0.5", "exposure_s = 20").replace("[wheel]", "[monochromator]\nsettle_s = 240\n[wheel]")
+    text.join("\n")
+        .replace("exposure_s = 0.5", "exposure_s = 20")
+        .replace("[wheel]", "[monochromator]\nsettle_s = 240\n[wheel]")
 }
 
 /// The efficiency at the first reading of the reference, over that at the begin.
@@ -56,7 +58,10 @@ fn a_lamp_that_fades_is_in_no_efficiency() {
     let (made, found) = bench.reduced(&lines);
     let drift = made.drift.clone().unwrap();
     assert!(made.lamp_range > 0.3 && drift.range() < 0.02, "{} {}", made.lamp_range, drift.range());
-    assert!(!drift.is_corrected() && made.warnings.iter().all(|w| !w.contains("drifted")), "{made:?}");
+    assert!(
+        !drift.is_corrected() && made.warnings.iter().all(|w| !w.contains("drifted")),
+        "{made:?}"
+    );
     let pulls = pulls(&bench, &lines, &found);
     assert!(pulls.iter().all(|p| p.1.abs() < 5.0), "{pulls:?}");
     let mean = pulls.iter().map(|p| p.1 * p.1).sum::<f64>() / pulls.len() as f64;
@@ -146,13 +151,21 @@ fn a_lamp_that_comes_back_elsewhere_is_flagged() {
     let steps = made.drift.as_ref().unwrap().steps();
     assert_eq!(steps.len(), 1, "{steps:?}");
     assert!((steps[0].relative - 0.04).abs() < 0.01, "{steps:?}");
-    assert!(made.warnings.iter().any(|w| w.contains("changed suddenly, by")), "{:?}", made.warnings);
+    assert!(
+        made.warnings.iter().any(|w| w.contains("changed suddenly, by")),
+        "{:?}",
+        made.warnings
+    );
     let mut flagged = 0;
-    for ((nm, pull, flags), row) in pulls(&bench, &lines, &found).iter().zip(&found.efficiency.rows) {
+    for ((nm, pull, flags), row) in pulls(&bench, &lines, &found).iter().zip(&found.efficiency.rows)
+    {
         let relative = row.components.drift / row.efficiency;
         if flags.contains(EfficiencyFlags::DRIFT_STEP) {
             flagged += 1;
-            assert!(pull.abs() < 1.3 && (relative / 0.02 - 1.0).abs() < 0.25, "{nm}: {pull} {relative}");
+            assert!(
+                pull.abs() < 1.3 && (relative / 0.02 - 1.0).abs() < 0.25,
+                "{nm}: {pull} {relative}"
+            );
         } else {
             assert!(pull.abs() < 5.0 && relative < 0.008, "{nm}: {pull} {relative}");
         }

@@ -510,10 +510,15 @@ fn power_meters_currents_and_laws_of_the_file() {
         "dead_time_model = \"multi_pixel\"\npixels = 1000\nrecovery_ns = 1\npulse_ns = 100";
     near(eta(current, pixels).unwrap(), 1.01015e5 * hc / 2e-12);
     // m = 1/(1/n + tau_d + ...): a recovery much shorter than the dead time is none.
-    let recovery = "dead_time_model = \"exponential_recovery\"\ndead_time_ns = 100\nrecovery_ns = 0.1";
+    let recovery =
+        "dead_time_model = \"exponential_recovery\"\ndead_time_ns = 100\nrecovery_ns = 0.1";
     near(eta(current, recovery).unwrap(), 1.0101e5 * hc / 2e-12);
     for (diode, law, words) in [
-        (current, "dead_time_model = \"exponential_recovery\"\ndead_time_ns = 3", "sensor.recovery_ns"),
+        (
+            current,
+            "dead_time_model = \"exponential_recovery\"\ndead_time_ns = 3",
+            "sensor.recovery_ns",
+        ),
         ("power_meter = true\nload_ohm = 1", none, "photodiode.load_ohm"),
         (current, "dead_time_model = \"multi_pixel\"\npixels = 3", "sensor.recovery_ns"),
         (current, "dead_time_model = \"none\"\ndead_time_ns = 3", "sensor.dead_time_ns"),

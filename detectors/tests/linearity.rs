@@ -273,10 +273,17 @@ fn a_recovery_is_told_from_a_dead_time() {
     assert_eq!(choice.told().map(|t| t.name), Some("exponential_recovery"), "{choice:#?}");
     for (name, truth) in [("dead_time_ns", 400.0), ("recovery_ns", 300.0)] {
         let (found, low, high) = value(&choice, name);
-        assert!(low < truth && truth < high && (found / truth - 1.0).abs() < 0.1, "{name} {found} {low} {high}");
+        assert!(
+            low < truth && truth < high && (found / truth - 1.0).abs() < 0.1,
+            "{name} {found} {low} {high}"
+        );
     }
     let text = law_toml(&choice).unwrap();
-    assert!(text.contains("\"exponential_recovery\"\ndead_time_ns = ") && text.contains("\nrecovery_ns = "), "{text}");
+    assert!(
+        text.contains("\"exponential_recovery\"\ndead_time_ns = ")
+            && text.contains("\nrecovery_ns = "),
+        "{text}"
+    );
     let plain = Sensor { kind: Kind::NonParalysable, ..sensor };
     let choice = found(&steps, &rig(plain, 1.5e6, 0.0, &STEPS, 5)).unwrap();
     assert_eq!(choice.told().map(|t| t.name), Some("non_paralysable"), "{choice:#?}");

@@ -75,7 +75,8 @@ impl Drift {
         }
         let gaps: Vec<Gap> = points.windows(2).map(|pair| Gap::of(pair[0], pair[1])).collect();
         let sudden = sudden(&gaps);
-        let steady = || gaps.iter().zip(&sudden).filter(|(_, sudden)| !**sudden).map(|(gap, _)| gap);
+        let steady =
+            || gaps.iter().zip(&sudden).filter(|(_, sudden)| !**sudden).map(|(gap, _)| gap);
         let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len().max(1) as f64;
         let pace: Vec<f64> =
             steady().map(|g| (g.change.powi(2) - g.variance) / (g.s * g.s)).collect();
@@ -212,9 +213,7 @@ fn walk(a: Point, b: Point, c: Point) -> f64 {
     let (before_s, after_s) = (b.time_s - a.time_s, c.time_s - b.time_s);
     let part = before_s / (before_s + after_s);
     let off = b.ln - (1.0 - part) * a.ln - part * c.ln;
-    let noise = b.sigma.powi(2)
-        + ((1.0 - part) * a.sigma).powi(2)
-        + (part * c.sigma).powi(2);
+    let noise = b.sigma.powi(2) + ((1.0 - part) * a.sigma).powi(2) + (part * c.sigma).powi(2);
     (off * off - noise) * (before_s + after_s) / (before_s * after_s)
 }
 

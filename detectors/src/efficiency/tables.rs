@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use sunglint_calibration::efficiency::{
     EfficiencyError, EfficiencyRunError, Set, read_run, reduce,
 };
-use sunglint_formats::toml::Document;
 use sunglint_formats::text::counted;
+use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_materials::reading::State;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};

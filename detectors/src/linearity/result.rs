@@ -67,7 +67,11 @@ pub fn law_toml(choice: &Choice) -> Option<String> {
             let values: Vec<String> = (found.iter())
                 .map(|f| format!("{} {:.4} ({:.4} to {:.4})", f.name, f.value, f.low, f.high))
                 .collect();
-            let _ = writeln!(text, "# The law is {name}, which a station has as a table: {}.", values.join(", "));
+            let _ = writeln!(
+                text,
+                "# The law is {name}, which a station has as a table: {}.",
+                values.join(", ")
+            );
             text += &table;
         }
         Some(fitted) => {

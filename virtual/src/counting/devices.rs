@@ -224,8 +224,7 @@ impl Meter for VirtualPhotodiode {
         let begin_s = deadline.now().as_secs_f64() - reading_s;
         let at_s = begin_s + 0.5 * reading_s;
         let options = &state.options;
-        let drift =
-            |at_s: f64| options.lamp_drift(at_s) * options.photodiode_drift(at_s);
+        let drift = |at_s: f64| options.lamp_drift(at_s) * options.photodiode_drift(at_s);
         let lamp = state.flicker(&mut random) * state.mean(begin_s, reading_s, drift);
         let current_a = state.light().photodiode_a * lamp;
         let diode = &state.options.photodiode;

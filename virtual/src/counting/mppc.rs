@@ -151,7 +151,10 @@ mod tests {
                 let sensor = Sensor { level, ..sensor() };
                 let truth = (-0.577_216 * nu as f64).exp() * (level as f64).powf(nu) / gamma;
                 let found = counted(&sensor, nu / 20e-9);
-                assert!((found / truth - 1.0).abs() < 2e-3 / truth.sqrt(), "{nu} {level}: {found} {truth}");
+                assert!(
+                    (found / truth - 1.0).abs() < 2e-3 / truth.sqrt(),
+                    "{nu} {level}: {found} {truth}"
+                );
             }
         }
     }
@@ -165,13 +168,16 @@ mod tests {
             let found = counted(&sensor, 1e3);
             assert!((found - truth).abs() < 4.0 * (truth / 4e6_f64).sqrt(), "{level}: {found}");
         }
-        let sensor =
-            Sensor { afterpulse: 0.02, afterpulse_ns: 100.0, pulse_ns: 1.0, ..sensor() };
+        let sensor = Sensor { afterpulse: 0.02, afterpulse_ns: 100.0, pulse_ns: 1.0, ..sensor() };
         let a: f64 = 0.5;
         let part = 2_f64.powf(-a) - a / (1.0 + a) * 2_f64.powf(-1.0 - a);
         // Of an afterpulse comes another one, less than 2 % of them.
         let found = (counted(&sensor, 1e3) - 1.0) / 0.02;
-        assert!((found / part - 1.0).abs() < 0.02 + 4.0 / (0.02 * part * 4e6).sqrt() + 4.0 * 5e-4 / (0.02 * part), "{found} {part}");
+        assert!(
+            (found / part - 1.0).abs()
+                < 0.02 + 4.0 / (0.02 * part * 4e6).sqrt() + 4.0 * 5e-4 / (0.02 * part),
+            "{found} {part}"
+        );
     }
 
     /// Truth: one pixel under n = 4e5 Hz with τ = 50 ns. To the first order in nτ a photon is lost that does not fire, ∫(1 − r) dt = τ, or fires below half a pulse, ∫ r dt up to τ ln 2 = τ (ln 2 − 1/2): n (1 − 1.1931 nτ).

@@ -293,7 +293,11 @@ impl Options {
             ("monochromator.range_nm", grating.range_nm[0], SIZE),
             ("monochromator.range_nm", grating.range_nm[1] - grating.range_nm[0], POSITIVE),
             ("photodiode.scale", diode.scale, POSITIVE),
-            ("photodiode.settles_relative", diode.settles_relative, (-1.0, 1e3, "a number from -1 to 1000")),
+            (
+                "photodiode.settles_relative",
+                diode.settles_relative,
+                (-1.0, 1e3, "a number from -1 to 1000"),
+            ),
             ("photodiode.settles_h", diode.settles_h, POSITIVE),
             ("photodiode.load_ohm", diode.load_ohm, (f64::MIN_POSITIVE, 1e15, "a number above 0")),
             ("photodiode.noise_v", diode.noise_v, SIZE),
