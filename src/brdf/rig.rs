@@ -101,7 +101,7 @@ pub(crate) fn log<L: LogLine>(
 pub(crate) struct Live<L> {
     pub bar: Arc<Bar>,
     pub console: Console,
-    /// What a line says, where it ends a step.
+    /// Words of a line that ends a step.
     pub step: fn(&L) -> Option<String>,
 }
 

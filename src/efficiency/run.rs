@@ -112,7 +112,7 @@ fn drift_json(drift: &Drift) -> Value {
     })
 }
 
-/// What the reference says, as a line of the text.
+/// The reference as a line of the text.
 fn reference(made: &Made) -> String {
     let Some(drift) = &made.drift else { return String::new() };
     let (range, lamp) = (100.0 * drift.range(), 100.0 * made.lamp_range);

@@ -47,7 +47,7 @@ impl State {
         Ok(stream(self.options.seed, Purpose::Part, number))
     }
 
-    /// What the lamp's flicker makes of a light.
+    /// Factor of the light by the lamp's flicker; 0 where the beam is blocked.
     fn flicker(&self, random: &mut Random) -> f64 {
         let flicker: f64 = random.sample(StandardNormal);
         if self.is_blocked { 0.0 } else { 1.0 + self.options.lamp.flicker * flicker }

@@ -103,7 +103,7 @@ impl Options {
         again * (1.0 + self.lamp.drift_per_h * at_s / 3600.0).max(0.0)
     }
 
-    /// What the detector gives for the light that an unchanged photodiode sees, at a time, s, over that at the begin: its own efficiency, and where the lamp stands.
+    /// Counts of the detector for the light that an unchanged photodiode sees, at a time, s, over that at the begin: its own efficiency, and where the lamp stands.
     #[must_use]
     pub fn sensor_drift(&self, at_s: f64) -> f64 {
         let aim = if self.is_reignited(at_s) { self.lamp.reignites_aim } else { 1.0 };

@@ -131,9 +131,9 @@ section!(
         flicker: f64 = 0.0,
         /// When it goes out and comes back at once, s.
         reignites_at_s: Option<f64> = None,
-        /// Its power then, over that before.
+        /// Power when it is back, over that before.
         reignites_power: f64 = 1.0,
-        /// Its light on the detector over that on the photodiode then, over that before.
+        /// Light on the detector over that on the photodiode when it is back, over that before.
         reignites_aim: f64 = 1.0,
     }
 );
