@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_calibration::apply::{Applied, ChannelPhotometry, Photometry, is_valid};
 use sunglint_formats::flag_bits::bit_names;
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, ParseError, Table};
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
@@ -86,9 +87,9 @@ impl AppliedReport<'_> {
     /// The curve as text.
     pub fn text(&self) -> String {
         let mut text = format!(
-            "{}: {} samples, kappa of the night of {}\n",
+            "{}: {}, kappa of the night of {}\n",
             self.target(),
-            self.found.curve.len(),
+            counted(self.found.curve.len(), "sample"),
             self.found.night.night
         );
         for (name, samples, mean) in self.means() {
