@@ -93,13 +93,16 @@ impl AppliedReport<'_> {
             self.found.night.night
         );
         for (name, samples, mean) in self.means() {
-            let row = self.found.night.channel(name);
-            let (kappa, sigma) = row.map_or((f64::NAN, f64::NAN), |r| (r.kappa, r.relative_sigma));
-            let _ = writeln!(
-                text,
-                "  {name:<10} kappa {kappa:>10.4} ± {:.2} %   {samples} valid samples, mean {mean:.4e} Hz",
-                100.0 * sigma
-            );
+            let kappa = match self.found.night.channel(name) {
+                Some(r) => format!("{:>10.4} ± {:.2} %", r.kappa, 100.0 * r.relative_sigma),
+                None => "not known (the night has no such channel)".into(),
+            };
+            let mean = match samples {
+                0 => "no mean".into(),
+                _ => format!("mean {mean:.4e} Hz"),
+            };
+            let valid = counted(samples, "valid sample");
+            let _ = writeln!(text, "  {name:<10} kappa {kappa}   {valid}, {mean}");
         }
         if let Some(photometry) = &self.found.photometry {
             text.push_str(&photometry_text(photometry));

@@ -11,7 +11,7 @@ const POINTS: i32 = 12;
 /// Width over which an order-sorting filter and the quartz begin to pass, nm.
 const EDGE_NM: f64 = 2.0;
 
-/// What reaches the two detectors.
+/// Light that reaches the two detectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Light {
     /// Current of the photodiode, A.

@@ -173,7 +173,7 @@ section!(
         wavelength_nm: Vec<f64> = vec![350.0, 400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1100.0],
         /// Responsivity, A W⁻¹.
         responsivity_a_per_w: Vec<f64> = vec![0.10, 0.17, 0.28, 0.36, 0.44, 0.51, 0.56, 0.50, 0.15],
-        /// Its real responsivity over this table.
+        /// Real responsivity over that of this table.
         scale: f64 = 1.0,
         /// Responsivity long after the begin over that at the begin, less 1.
         settles_relative: f64 = 0.0,
