@@ -833,7 +833,7 @@ mod made_by_others {
         let lost = ALCDEF.replace("DATA=2455000.25|7.9||", "DATA=2455000.25|NaN|0.1|");
         let found = read_str("a.txt", &lost, Format::Alcdef).unwrap();
         assert_eq!(found.magnitude, [7.812, 0.4]);
-        assert!(found.notes.iter().any(|n| n.contains("1 samples without a magnitude")));
+        assert!(found.notes.iter().any(|n| n.contains("1 sample without a magnitude")));
     }
 }
 
