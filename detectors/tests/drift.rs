@@ -1,5 +1,7 @@
 //! Rigs that drift: lamp, detector and photodiode change while the wavelengths are read. What the lamp does is in no efficiency, what the others do is undone, and what is sudden is flagged.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use super::efficiency::{Bench, PLAN_TEXT};
 use rand::RngExt as _;
 use rand::SeedableRng as _;

@@ -98,14 +98,14 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     let document = document(args, begun.as_ref(), folder)?;
     let bench = Bench::new(&document, virtual_text(args, begun.as_ref()).as_deref())?;
     let options = bench.virtual_bench.as_ref().map(Options::read).transpose()?;
-    if let Some(begun) = &begun {
-        if begun.file(PLAN) != Some(plan_text.as_str()) {
-            bail!(
-                "{} is not the plan with which the run in {} was begun (its {PLAN}): go on with that one",
-                args.plan.display(),
-                folder.display()
-            );
-        }
+    if let Some(begun) = &begun
+        && begun.file(PLAN) != Some(plan_text.as_str())
+    {
+        bail!(
+            "{} is not the plan with which the run in {} was begun (its {PLAN}): go on with that one",
+            args.plan.display(),
+            folder.display()
+        );
     }
     let made = take(args, (&plan_text, &all), (&bench, options), folder, begun, console)?;
     console.result(&run_text(&made), &serde_json::to_value(&made)?)

@@ -149,7 +149,7 @@ mod tests {
         for (nu, gamma) in [(0.2, 0.918_169), (0.5, 0.886_227), (1.0, 1.0)] {
             for level in [0.3, 0.5, 0.9] {
                 let sensor = Sensor { level, ..sensor() };
-                let truth = (-0.577_216 * nu as f64).exp() * (level as f64).powf(nu) / gamma;
+                let truth = f64::exp(-0.577_216 * nu) * f64::powf(level, nu) / gamma;
                 let found = counted(&sensor, nu / 20e-9);
                 assert!(
                     (found / truth - 1.0).abs() < 2e-3 / truth.sqrt(),

@@ -85,7 +85,7 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
     };
     answer.searched_s = Some((1.0 / range.highest_hz, 1.0 / range.lowest_hz));
     Search { series: &used, range, centred: centred(&used) }.run(&mut answer)?;
-    if let Outcome::NotEnough(Reason::Noise { .. }) = answer.outcome
+    if let Outcome::NotEnough(_) = answer.outcome
         && let Some(reason) = rounded_away(&used)
     {
         answer.outcome = Outcome::NotEnough(reason);
