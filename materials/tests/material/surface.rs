@@ -547,7 +547,7 @@ fn notes_of(samples: &Samples) -> String {
         let [i, o] = [[row.phi_i_deg, row.theta_i_deg], [row.phi_o_deg, row.theta_o_deg]];
         // Of one plane the angle goes from 0 and the azimuth says the side.
         let (side, angle) = if o[1] < 0.0 { (o[0] - 180.0, -o[1]) } else { (o[0], o[1]) };
-        text += &format!("{} {} {side} {angle} {:?}\n", i[0], i[1], row.brdf_per_sr[0]);
+        text += &format!("{} {} {angle} {side} {:?}\n", i[1], i[0], row.brdf_per_sr[0]);
     }
     let file = std::env::temp_dir().join(format!("sunglint_notes_{}.txt", std::process::id()));
     std::fs::write(&file, text).unwrap();
