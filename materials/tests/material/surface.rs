@@ -537,7 +537,7 @@ fn saturated_peaks_are_left_out() {
     let rounded = in_plane(&[10.0, 30.0, 50.0], &mut |i, o| (wide(i, o) * 1e3).round() / 1e3);
     assert_eq!(fit_surface(&rounded, &options, &Silent).unwrap().left_out.saturated, 0);
     assert!(notes_of(&leaning).contains("f cos θ_o = "));
-    assert_eq!(notes_of(&rounded), "");
+    assert!(!notes_of(&rounded).contains("saturated"));
 }
 
 /// What is said of a table where it is taken as a material.
