@@ -573,14 +573,14 @@ impl Following {
 /// A frame that was read and is not measured yet.
 #[derive(Debug)]
 struct Ahead {
-    /// Its index among the files.
+    /// Index among the files.
     file: usize,
     stay: usize,
     frame: Result<Frame, String>,
     expected: Expected,
     /// Whether it is not measured at all.
     refused: bool,
-    /// Place of its reducer.
+    /// Place of the reducer.
     held: usize,
 }
 

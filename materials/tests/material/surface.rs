@@ -540,7 +540,7 @@ fn saturated_peaks_are_left_out() {
     assert!(!notes_of(&rounded).contains("saturated"));
 }
 
-/// What is said of a table where it is taken as a material.
+/// Notes on a table that is taken as a material.
 fn notes_of(samples: &Samples) -> String {
     let mut text = String::from("# lambda = 550 nm\n# phi_i theta_i phi_o theta_o brdf\n");
     for row in &samples.rows {

@@ -255,7 +255,7 @@ struct Known {
     next: usize,
 }
 
-/// How many integrals are kept: those of some twenty steps of three lobes at six incidences.
+/// Number of integrals that are kept: those of some twenty steps of three lobes at six incidences.
 const KEPT: usize = 256;
 
 thread_local! {

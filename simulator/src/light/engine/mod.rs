@@ -57,7 +57,7 @@ pub struct Question<'a> {
     pub earth: &'a Arc<EarthAlbedo>,
     /// Answers of the effects before this one.
     pub answered: &'a [Need],
-    /// What the Sun's disc changes over the directions of the course, once looked at.
+    /// Change by the Sun's disc over the directions of the course, once looked at.
     pub disc: &'a OnceCell<disc::Looked>,
 }
 
