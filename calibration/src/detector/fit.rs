@@ -700,7 +700,7 @@ impl<'a> Data<'a> {
         })
     }
 
-    /// How a law fits in each decade of the counted rate; `light` are the unknowns without the law's.
+    /// Misfit of a law in each decade of the counted rate; `light` are the unknowns without the law's.
     fn regions(&self, law: &dyn Fn(f64) -> f64, light: &[f64], sigma_hz: &[f64]) -> Vec<Region> {
         let mean = means(self.exposures, &self.group, self.groups.len());
         let mut weight = vec![0.0; self.groups.len()];
