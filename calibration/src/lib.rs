@@ -26,4 +26,5 @@ pub mod field_stars;
 pub mod photometry;
 pub mod reduction;
 pub mod stars;
+pub mod timing;
 pub mod track;

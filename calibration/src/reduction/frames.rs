@@ -11,6 +11,7 @@ use crate::photometry::{
     Colour, Detection, Detector as SourceDetector, Expected, FrameCalibration, FrameMeasurement,
     FrameReducer, PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
+use crate::timing::{CameraTiming, JITTER, SYSTEMATIC, Timings};
 use crate::track::Track;
 use glam::DVec2;
 use hifitime::{Epoch, Unit};
@@ -70,6 +71,8 @@ pub struct CameraNight {
     pub from_library: Vec<String>,
     /// Names of the masters that were added to it.
     pub to_library: Vec<String>,
+    /// How sure the times of each stay's frames are.
+    pub times: Vec<TimeDoubt>,
     /// Settings of exposure, gain, binning, window and filter that the frames of targets have.
     pub settings: usize,
     /// Pixels that are left out, of the setting with the most of them.
@@ -89,6 +92,80 @@ pub struct FrameLook {
     pub fwhm_px: Option<f64>,
     /// Background of a pixel of the first plane, ADU; NaN where there is none.
     pub background_adu: f64,
+}
+
+/// How sure the times of frames are.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TimeDoubt {
+    /// Largest standard uncertainty of a frame's times, s; `None` where no frame says one.
+    pub sigma_s: Option<f64>,
+    /// Frames from whose times a measured latency was taken off.
+    pub corrected: usize,
+    /// Frames without a measured latency.
+    pub uncorrected: usize,
+}
+
+impl TimeDoubt {
+    /// A sentence for the provenance; `None` where nothing is known.
+    pub fn note(&self, camera: &str) -> Option<String> {
+        let sigma_s = self.sigma_s?;
+        let sure = format!("times are sure to {sigma_s:.1e} s (1 σ)");
+        Some(match (self.corrected, self.uncorrected) {
+            (0, _) => {
+                format!("camera {camera}: {sure}: its latency is not measured (sunglint timing)")
+            }
+            (_, 0) => format!("camera {camera}: its measured latency is taken off; {sure}"),
+            (corrected, left) => format!(
+                "camera {camera}: the measured latency is taken off {corrected} frames, not off {left} of another binning or clock; {sure}"
+            ),
+        })
+    }
+}
+
+/// Takes measured latencies off frames' times.
+#[derive(Debug)]
+struct Times<'a> {
+    timings: Option<&'a Timings>,
+    camera: &'a str,
+    of_stay: Vec<TimeDoubt>,
+}
+
+impl<'a> Times<'a> {
+    fn new(timings: Option<&'a Timings>, camera: &'a str, stays: usize) -> Self {
+        Self { timings, camera, of_stay: vec![TimeDoubt::default(); stays] }
+    }
+
+    /// Takes the camera's latency off a frame's begin, where it was measured. Gives the time of a row, s.
+    fn take(&mut self, frame: &mut Frame, stay: usize) -> f64 {
+        let timing = self.timings.and_then(|timings| timings.correct(self.camera, frame));
+        let doubt = &mut self.of_stay[stay];
+        match timing {
+            Some(_) => doubt.corrected += 1,
+            None => doubt.uncorrected += 1,
+        }
+        let said = [SYSTEMATIC, JITTER].map(|keyword| frame.header.real(keyword));
+        if said.iter().any(Option::is_some) {
+            let [systematic, jitter] = said.map(|sigma_s| sigma_s.unwrap_or(0.0));
+            let sigma_s = systematic.hypot(jitter);
+            doubt.sigma_s = Some(doubt.sigma_s.map_or(sigma_s, |most| most.max(sigma_s)));
+        }
+        timing.and_then(|timing| timing.row_time_s).map_or(0.0, |time| time.value)
+    }
+
+    /// Says that measured times were given and fit no frame of some.
+    fn warning(&self) -> Option<String> {
+        let timings = self.timings?;
+        let left: usize = self.of_stay.iter().map(|doubt| doubt.uncorrected).sum();
+        (left > 0).then(|| {
+            let known: Vec<String> = timings.cameras.iter().map(CameraTiming::name).collect();
+            format!(
+                "camera {}: {left} frames keep their own times: {} has {}",
+                self.camera,
+                timings.path.display(),
+                known.join(", ")
+            )
+        })
+    }
 }
 
 /// A frame to be drawn, or its part about the target.
@@ -153,6 +230,8 @@ pub struct FrameOptions {
     pub sensor: SensorFiles,
     /// Masters that nights share: for what the session lacks, and of what it has.
     pub library: Option<Library>,
+    /// When the cameras expose: what is measured is taken off their frames' times.
+    pub timings: Option<Timings>,
     /// Places at which a person saw targets. In a visit with one the target is followed from frame to frame: on from each place to the next, and back from the
     /// first. Each frame's source nearest to the last place is taken, at most [`FOLLOW_APERTURES`] apertures away where the options allow any distance.
     pub places: Vec<PointedPlace>,
@@ -196,6 +275,7 @@ impl FrameOptions {
             aperture_from_frames: true,
             sensor: SensorFiles::default(),
             library: None,
+            timings: None,
             places: Vec::new(),
             refused: Vec::new(),
         };
@@ -277,6 +357,7 @@ pub fn camera_night(
         sensor: Used::default(),
         from_library: Vec::new(),
         to_library: Vec::new(),
+        times: Vec::new(),
         settings: 0,
         bad_pixels: 0,
         warnings: by_hand.warnings.clone(),
@@ -293,6 +374,7 @@ pub fn camera_night(
     let mut following = Following::default();
     let on_target = |i: &usize| stay_of[*i].filter(|stay| stays[*stay].target.on);
     let order = by_hand.order(&stay_of);
+    let mut times = Times::new(how.timings.as_ref(), camera, stays.len());
     std::thread::scope(|scope| -> Result<(), ReduceError> {
         let (sender, ahead) = sync_channel(WAITING);
         let wanted: Vec<&FrameFile> =
@@ -318,7 +400,8 @@ pub fn camera_night(
                 step(progress, 1)?;
                 order.next();
                 let file = &files[i];
-                let read = ahead.recv().unwrap_or_else(|_| file.read());
+                let mut read = ahead.recv().unwrap_or_else(|_| file.read());
+                let row_time_s = read.as_mut().map_or(0.0, |frame| times.take(frame, stay));
                 let airmass = zeniths[i].and_then(airmass);
                 let mut one = Ahead {
                     file: i,
@@ -327,6 +410,7 @@ pub fn camera_night(
                     expected: Expected { airmass, ..Expected::default() },
                     refused: by_hand.refused.contains(&i),
                     held: 0,
+                    row_time_s,
                 };
                 if let Ok(frame) = &one.frame {
                     let dark = [TargetKind::Dark, TargetKind::Bias].map(Some);
@@ -351,7 +435,7 @@ pub fn camera_night(
             }
             let sources = reducers.sources(&batch);
             for (one, sources) in batch.into_iter().zip(sources) {
-                let Ahead { file: i, stay, expected, refused, held, frame } = one;
+                let Ahead { file: i, stay, expected, refused, held, frame, row_time_s } = one;
                 seen[stay] += 1;
                 let measured = frame.and_then(|frame| {
                     match reducers.measure(held, &frame, &expected, sources) {
@@ -366,6 +450,9 @@ pub fn camera_night(
                         continue;
                     }
                 };
+                if row_time_s != 0.0 {
+                    move_to_row(&mut measured, &frame, row_time_s);
+                }
                 if let Some(place) = &measured.track.place {
                     following.last_px = Some(place.offset_px.to_array());
                 }
@@ -414,6 +501,8 @@ pub fn camera_night(
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
     reducers.finish(&mut night);
+    night.warnings.extend(times.warning());
+    night.times = times.of_stay;
     for (count, what) in [
         (
             night.without_light,
@@ -582,6 +671,16 @@ struct Ahead {
     refused: bool,
     /// Place of the reducer.
     held: usize,
+    /// Time by which each row begins after the one before, s.
+    row_time_s: f64,
+}
+
+/// Moves a measurement to the time of its target's row; without a target to that of the middle one.
+fn move_to_row(measured: &mut FrameMeasurement, frame: &Frame, row_time_s: f64) {
+    let row_px = measured.place_px.map_or(0.5 * frame.pixels.nrows() as f64, |place| place.y);
+    let later = hifitime::Duration::from_seconds(row_time_s * row_px);
+    measured.time += later;
+    measured.track.time += later;
 }
 
 /// A frame that was measured.

@@ -12,7 +12,7 @@ pub mod library;
 pub mod night;
 pub mod recipe;
 mod seeing;
-mod sensor;
+pub(crate) mod sensor;
 pub mod sight;
 pub mod sky;
 pub mod tags;

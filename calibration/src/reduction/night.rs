@@ -350,6 +350,8 @@ impl Reduced {
             let (name, masters) = (&camera.camera, camera.from_library.join(", "));
             notes.push(format!("camera {name}: calibrated by masters of the library: {masters}"));
         }
+        let times = self.cameras.iter().filter(|camera| !camera.looks[number].is_empty());
+        notes.extend(times.filter_map(|camera| camera.times[number].note(&camera.camera)));
         let complete = |curves: &[LightCurve]| {
             let mut curve =
                 join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;

@@ -111,7 +111,7 @@ pub fn filter_of(frame: &Frame) -> Option<String> {
 }
 
 /// Kind of a frame by its own header: the driver's word, else what the program wrote. `None` where it tells none.
-pub(super) fn said_kind(frame: &Frame) -> Option<TargetKind> {
+pub(crate) fn said_kind(frame: &Frame) -> Option<TargetKind> {
     let of = |keyword: &str| frame.header.text(keyword).map(|word| word.trim().to_lowercase());
     let word = of("FRAME").or_else(|| of("IMAGETYP"))?;
     let kinds = [

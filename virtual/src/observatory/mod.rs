@@ -4,6 +4,7 @@
 //! - [`events`]: photons one by one through a detector: time tags;
 //! - [`counts`]: the counts of bins by the detector's law;
 //! - [`frame`]: pictures of point sources, pixel by pixel;
+//! - [`lamp`]: a lamp that flashes into camera and counters;
 //! - [`wander`]: what wanders in time: twinkling, pointing, seeing, clouds;
 //! - [`options`]: what a night is like, the keys of a `virtual.toml`;
 //! - [`plan`]: where the telescope points when;
@@ -54,6 +55,7 @@ pub mod counts;
 pub mod devices;
 pub mod events;
 pub mod frame;
+pub mod lamp;
 pub mod mount;
 pub mod night;
 pub mod options;

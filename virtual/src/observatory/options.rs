@@ -55,6 +55,16 @@
 //! cold_fraction = 0.0005
 //! dead_fraction = 0.0002
 //! temperature_c = -10
+//! latency_s = 0.0                     # from the time that it says to the exposure's begin
+//! latency_jitter_s = 0.0              # standard deviation of that, of each frame
+//! readout_s = 0.0                     # from the exposure's end to the frame
+//! row_time_s = 0.0                    # rolling shutter: each row begins so much after the one before
+//!
+//! [lamp]                              # flashes over the whole sensor and on every counter, whatever the shutter of a visit
+//! e_per_px_s = 0                      # electrons in each pixel
+//! hz = 0                              # counts
+//! on_s = 0.05                         # length of a flash
+//! gaps_s = [0.7, 1.1, 0.5, 1.3]       # from begin to begin, in turn; unequal, so that no shift fits but one
 //!
 //! [passing]
 //! streaks_per_h = 2.0                 # over the whole frame
@@ -126,6 +136,8 @@ section!(
         clouds: CloudOptions = CloudOptions::default(),
         /// The camera's faults.
         camera: CameraOptions = CameraOptions::default(),
+        /// A lamp for the camera's times.
+        lamp: LampOptions = LampOptions::default(),
         /// Objects and particles that pass by.
         passing: PassingOptions = PassingOptions::default(),
         /// True coefficients by channel: predicted = κ × arriving. The station's typical ones for those that are missing, else 1.
@@ -260,6 +272,28 @@ section!(
         dead_fraction: f64 = 2e-4,
         /// Temperature of the sensor, °C.
         temperature_c: f64 = -10.0,
+        /// Mean time from the begin that it says to the exposure's own, s.
+        latency_s: f64 = 0.0,
+        /// Standard deviation of that time from frame to frame, s. It is never below 0.
+        latency_jitter_s: f64 = 0.0,
+        /// Time from the exposure's end to the frame, s.
+        readout_s: f64 = 0.0,
+        /// Time by which each row of the frame begins after the one before, s.
+        row_time_s: f64 = 0.0,
+    }
+);
+
+section!(
+    /// A lamp that flashes over the whole sensor and on every counter.
+    LampOptions {
+        /// Electrons in each pixel while it is on, 1/s.
+        e_per_px_s: f64 = 0.0,
+        /// Photons that every counter would count without dead time while it is on, Hz.
+        hz: f64 = 0.0,
+        /// Length of a flash, s.
+        on_s: f64 = 0.05,
+        /// Times from a flash's begin to the next one's, s, in turn.
+        gaps_s: Vec<f64> = vec![0.7, 1.1, 0.5, 1.3],
     }
 );
 
@@ -455,6 +489,13 @@ impl Options {
             ("camera.cold_fraction", camera.cold_fraction, PART),
             ("camera.dead_fraction", camera.dead_fraction, PART),
             ("camera.temperature_c", camera.temperature_c, (-273.15, 100.0, "-273.15 to 100 °C")),
+            ("camera.latency_s", camera.latency_s, (0.0, 10.0, "0 to 10 s")),
+            ("camera.latency_jitter_s", camera.latency_jitter_s, (0.0, 1.0, "0 to 1 s")),
+            ("camera.readout_s", camera.readout_s, (0.0, 60.0, "0 to 60 s")),
+            ("camera.row_time_s", camera.row_time_s, (0.0, 0.1, "0 to 0.1 s")),
+            ("lamp.e_per_px_s", self.lamp.e_per_px_s, SIZE),
+            ("lamp.hz", self.lamp.hz, SIZE),
+            ("lamp.on_s", self.lamp.on_s, (1e-6, 1e6, "1e-6 to 1e6 s")),
             ("passing.streaks_per_h", passing.streaks_per_h, SIZE),
             ("passing.streak_e_per_px", passing.streak_e_per_px, SIZE),
             ("passing.cosmic_rays_per_mpx_s", passing.cosmic_rays_per_mpx_s, SIZE),
@@ -501,6 +542,14 @@ impl Options {
             let probability = (0.0, 0.9, "a fraction from 0 to 0.9");
             within(&key("afterpulse_probability"), counter.afterpulse_probability, probability)?;
             within(&key("afterpulse_time_ns"), counter.afterpulse_time_ns, POSITIVE)?;
+        }
+        if self.lamp.e_per_px_s > 0.0 || self.lamp.hz > 0.0 {
+            let gaps = (1.0, 1e4, "1 to 10,000 gaps");
+            within("lamp.gaps_s", self.lamp.gaps_s.len() as f64, gaps)?;
+        }
+        for gap_s in &self.lamp.gaps_s {
+            let longer = (self.lamp.on_s, 1e6, "at least a flash's length, up to 1e6 s");
+            within("lamp.gaps_s", *gap_s, longer)?;
         }
         for (i, visit) in self.visit.iter().enumerate() {
             within(&format!("visit[{i}].from_s"), visit.from_s, ANY)?;

@@ -4,6 +4,7 @@ use super::events::{Detector, PS};
 use super::frame::{
     CosmicRays, Exposure, Pattern, PointSpread, Scene, Sensor, Sky, Source, Streak, streak,
 };
+use super::lamp::Lamp;
 use super::mount::Driven;
 use super::night::{Instrument, Night, VisitTruth};
 use super::plan::Target;
@@ -16,6 +17,8 @@ use std::sync::Arc;
 
 /// The longest time for which light and pointing are taken as steady, s.
 const STEADY_S: f64 = 0.005;
+/// Time over which the lamp's light at a moment is a mean, s.
+const LAMP_S: f64 = 1e-6;
 /// Most such times in a bin or an exposure.
 const MOST_STEPS: f64 = 400.0;
 /// Places of a target in a frame along which its light is drawn out.
@@ -49,6 +52,8 @@ pub struct FrameTruth {
     pub streaked: bool,
     /// True where the shutter was closed.
     pub dark: bool,
+    /// When the exposure of the first row began, s from the night's begin.
+    pub start_s: f64,
 }
 
 /// A look at a night: an instrument's own, for it keeps what it used last.
@@ -62,6 +67,7 @@ pub struct Watch {
     pattern: Option<Pattern>,
     rates_hz: Vec<Vec<f64>>,
     driven: Option<Driven>,
+    lamp: Option<Lamp>,
 }
 
 impl Watch {
@@ -76,7 +82,8 @@ impl Watch {
         let pointing = [1, 2].map(|axis| wander(axis, options.pointing.jitter_time_s));
         let seeing = wander(4, options.seeing.time_s);
         let (pattern, rates_hz, driven) = (None, Vec::new(), None);
-        Self { scintillation, pointing, clouds, seeing, night, pattern, rates_hz, driven }
+        let lamp = Lamp::new(&night.options.lamp);
+        Self { scintillation, pointing, clouds, seeing, night, pattern, rates_hz, driven, lamp }
     }
 
     /// The look at a night whose telescope is on a mount: that decides where the target stands.
@@ -131,7 +138,15 @@ impl Watch {
     /// The light on a counter at a moment, Hz, its dark rate not among it; `None` if the channel is no counter.
     pub fn light_hz(&mut self, channel: usize, time_s: f64) -> Option<f64> {
         let moment = self.moment(time_s);
-        light_hz(&self.night, channel, &moment, time_s)
+        let lamp_hz = self.lamp_hz(&moment, time_s..time_s + LAMP_S);
+        Some(light_hz(&self.night, channel, &moment, time_s)? + lamp_hz)
+    }
+
+    /// Mean light of the lamp on each counter within a span, Hz.
+    fn lamp_hz(&self, moment: &Moment, span_s: Range<f64>) -> f64 {
+        let Some(lamp) = self.lamp.as_ref().filter(|_| !moment.dark) else { return 0.0 };
+        let length_s = span_s.end - span_s.start;
+        self.night.options.lamp.hz * lamp.on_within_s(span_s) / length_s
     }
 
     /// The counters of the night, as numbers of its channels.
@@ -158,8 +173,11 @@ impl Watch {
         for step in 0..steps as u32 {
             let time_s = from_s + (to_s - from_s) * (f64::from(step) + 0.5) / steps;
             let moment = self.moment(time_s);
+            let half_s = 0.5 * (to_s - from_s) / steps;
+            let lamp_hz = self.lamp_hz(&moment, time_s - half_s..time_s + half_s);
             for (channel, rates_hz) in channels.iter().zip(&mut rates_hz) {
-                rates_hz.push(light_hz(&self.night, *channel, &moment, time_s).unwrap_or(0.0));
+                let light_hz = light_hz(&self.night, *channel, &moment, time_s);
+                rates_hz.push(light_hz.map_or(0.0, |light_hz| light_hz + lamp_hz));
             }
         }
         let counts = channels.iter().zip(&rates_hz).map(|(channel, rates_hz)| {
@@ -195,8 +213,17 @@ impl Watch {
         let middle_s = start_s + 0.5 * exposure.exposure_s;
         let visit = self.night.visit_at(middle_s);
         let spread = self.spread(visit, middle_s);
-        let (target, offset_px, dark) =
+        let (mut target, mut offset_px, dark) =
             self.target(&sensor, visit, exposure, start_s, spread.fwhm_px());
+        let row_time_s = options.camera.row_time_s;
+        if let Some(offset) = offset_px.filter(|_| row_time_s > 0.0) {
+            // Its own row begins later than the first one.
+            let row_px = sensor.middle_px().y + offset.y - f64::from(exposure.origin_px[1]);
+            let later_s = row_time_s * (row_px / f64::from(exposure.binning[1].max(1))).max(0.0);
+            (target, offset_px, _) =
+                self.target(&sensor, visit, exposure, start_s + later_s, spread.fwhm_px());
+        }
+        let lamp_e = if dark { Vec::new() } else { self.lamp_e(exposure, start_s) };
         let electrons = target.electrons;
         let mut sources = vec![target];
         let mut random = stream(seed, Purpose::Passing, number ^ 1 << 63);
@@ -212,7 +239,7 @@ impl Watch {
             e_per_px: passing.cosmic_ray_e_per_px,
         };
         let sky = if dark { Sky::default() } else { self.sky() };
-        let scene = Scene { sky, sources: &sources, spread, cosmic_rays };
+        let scene = Scene { sky, lamp_e: &lamp_e, sources: &sources, spread, cosmic_rays };
         let pattern = match self.pattern.take().filter(|pattern| pattern.fits(exposure)) {
             Some(pattern) => pattern,
             None => sensor.pattern(exposure),
@@ -220,7 +247,19 @@ impl Watch {
         let frame = sensor.render_with(&pattern, exposure, &scene, seed, number);
         self.pattern = Some(pattern);
         let fwhm_px = spread.fwhm_px();
-        Some((frame, FrameTruth { offset_px, electrons, fwhm_px, streaked, dark }))
+        Some((frame, FrameTruth { offset_px, electrons, fwhm_px, streaked, dark, start_s }))
+    }
+
+    /// Electrons of the lamp in the pixels of each unbinned row of an exposure; empty without a lamp.
+    fn lamp_e(&self, exposure: &Exposure, start_s: f64) -> Vec<f64> {
+        let Some(lamp) = &self.lamp else { return Vec::new() };
+        let options = &self.night.options;
+        let of_row = |row: u32| {
+            let row = row / exposure.binning[1].max(1);
+            let from_s = start_s + options.camera.row_time_s * f64::from(row);
+            options.lamp.e_per_px_s * lamp.on_within_s(from_s..from_s + exposure.exposure_s)
+        };
+        (0..exposure.size_px[1]).map(of_row).collect()
     }
 
     fn sky(&self) -> Sky {

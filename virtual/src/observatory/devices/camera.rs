@@ -1,8 +1,11 @@
 //! A camera that takes the pictures of a virtual night.
 
 use crate::observatory::frame::{Exposure, Sensor};
+use crate::observatory::options::CameraOptions;
+use crate::observatory::random::{Purpose, seed_of, stream};
 use crate::observatory::watch::{FrameTruth, Watch};
 use hifitime::Epoch;
+use rand_distr::{Distribution as _, StandardNormal};
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
@@ -12,7 +15,8 @@ use sunglint_formats::{Bayer, Frame, fits::Header};
 
 const DEVICE: &str = "virtual camera";
 
-/// The camera of a virtual night. Its frames begin at the moment at which they are asked for, on the clock of the deadline.
+/// The camera of a virtual night. Its frames say that they began at the moment at which they were asked for, on the clock of the deadline; they begin the options'
+/// `latency_s` later.
 #[derive(Debug)]
 pub struct VirtualCamera {
     watch: Watch,
@@ -34,11 +38,16 @@ impl VirtualCamera {
         self.truth.as_ref()
     }
 
-    /// The frame of an exposure that begins so long after the night's begin.
-    fn frame(&mut self, exposure_s: f64, start: Duration) -> Result<Frame, DeviceError> {
+    /// The frame of an exposure that was asked for so long after the night's begin.
+    fn frame(
+        &mut self,
+        exposure_s: f64,
+        start: Duration,
+        latency_s: f64,
+    ) -> Result<Frame, DeviceError> {
         let Window { origin_px, size_px, binning } = self.window;
         let exposure = Exposure { origin_px, size_px, binning, exposure_s };
-        let frame = self.watch.frame(&exposure, start.as_secs_f64());
+        let frame = self.watch.frame(&exposure, start.as_secs_f64() + latency_s);
         let (pixels, truth) = frame.ok_or(DeviceError::NotReady {
             device: DEVICE,
             reason: "the station of this night has no camera",
@@ -61,6 +70,14 @@ impl VirtualCamera {
             header: Header::default(),
         })
     }
+}
+
+/// Time from a request at a moment of the night to the exposure's begin, s.
+fn latency_s(camera: &CameraOptions, seed: u64, asked: Duration) -> f64 {
+    let mut random =
+        stream(seed_of(seed, Purpose::Part, 5000), Purpose::Frame, asked.as_micros() as u64);
+    let jitter: f64 = StandardNormal.sample(&mut random);
+    (camera.latency_s + camera.latency_jitter_s * jitter).max(0.0)
 }
 
 /// So long after a moment.
@@ -156,9 +173,13 @@ impl Camera for VirtualCamera {
             });
         }
         let start = deadline.now();
+        let camera = &self.watch.night().options.camera;
+        let latency_s = latency_s(camera, self.watch.night().options.seed, start);
+        let rows = self.window.size_px[1] / self.window.binning[1].max(1);
+        let after_s = camera.readout_s + camera.row_time_s * f64::from(rows);
         deadline
-            .sleep(Duration::from_secs_f64(exposure_s))
+            .sleep(Duration::from_secs_f64(latency_s + exposure_s + after_s))
             .map_err(|expired| DeviceError::expired(DEVICE, "exposing", expired))?;
-        self.frame(exposure_s, start)
+        self.frame(exposure_s, start, latency_s)
     }
 }

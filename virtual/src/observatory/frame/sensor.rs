@@ -187,9 +187,10 @@ impl Sensor {
         for row in 0..rows {
             let e = self.colours(exposure, row).map(|c| scene.sky.e_per_s[c] * exposure.exposure_s);
             let of_row = down * (f64::from(exposure.origin_px[1]) + row as f64 - middle_y);
+            let lamp_e = scene.lamp_e.get(row).copied().unwrap_or(0.0);
             for column in 0..columns {
                 let x = f64::from(exposure.origin_px[0]) + column as f64 - middle_x;
-                light.push((e[column % 2] * (1.0 + of_row + right * x)).max(0.0));
+                light.push((e[column % 2] * (1.0 + of_row + right * x)).max(0.0) + lamp_e);
             }
         }
         light

@@ -75,6 +75,8 @@ pub struct CosmicRays {
 pub struct Scene<'a> {
     /// The sky.
     pub sky: Sky,
+    /// Electrons that a lamp brings into each pixel of each unbinned row that is read; without any it is off.
+    pub lamp_e: &'a [f64],
     /// Points of light.
     pub sources: &'a [Source],
     /// How they are spread.
@@ -87,6 +89,7 @@ impl Scene<'_> {
     /// Nothing but what the sensor itself brings.
     pub const DARK: Scene<'static> = Scene {
         sky: Sky { e_per_s: [0.0; 3], gradient_per_px: DVec2::ZERO },
+        lamp_e: &[],
         sources: &[],
         spread: PointSpread::Gaussian { fwhm_px: 3.0 },
         cosmic_rays: CosmicRays { per_mpx_s: 0.0, length_px: 0.0, e_per_px: 0.0 },
