@@ -4,7 +4,7 @@ use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, archive, bench, brdf, calibrate, compare, demo, detect, devices,
     efficiency, elements, explain, fit, focus, goto, import, interrupt, light, observe, page,
-    passes, picture, reduce, session, simulate, solve, star, study, tables, track,
+    passes, picture, reduce, session, simulate, solve, star, study, tables, timing, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -80,6 +80,8 @@ pub enum Command {
     Reduce(Box<reduce::ReduceArgs>),
     /// The fields of the fibres on the camera image, from a session's stars
     Align(Box<align::AlignArgs>),
+    /// When a camera exposes: latency, jitter and rows' times, by a lamp that flashes into it and a counter
+    Timing(Box<timing::TimingArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
     /// A sample's reflectance, from a goniometer: its microfacets, where to measure it, laws and materials
@@ -177,6 +179,7 @@ impl Command {
             Command::Solve(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
             Command::Align(args) => Some(&args.out),
+            Command::Timing(args) => Some(&args.out),
             Command::Archive(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Brdf(command) => command.output(),
@@ -223,6 +226,7 @@ impl Command {
             Command::Solve(args) => solve::run(args, console),
             Command::Reduce(args) => reduce::run(args, console),
             Command::Align(args) => align::run(args, console),
+            Command::Timing(args) => timing::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Brdf(command) => brdf::run(command, console, seed),
             Command::Efficiency(args) => efficiency::run(args, console),

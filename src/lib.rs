@@ -10,6 +10,7 @@
 //! - [`detect`]: points and streaks of frames of any program;
 //! - [`reduce`]: from a session, or from frames of other programs, to linear light curves;
 //! - [`align`]: the fibres' fields on the camera image, from stars;
+//! - [`timing`]: when cameras expose, by a lamp that flashes;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`compare`]: a measured pass beside the simulated one;
 //! - [`passes`]: when satellites can be seen;
@@ -70,6 +71,7 @@ pub mod star;
 pub mod station;
 pub mod study;
 pub mod tables;
+pub mod timing;
 pub mod track;
 
 pub use program::program;

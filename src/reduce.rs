@@ -17,6 +17,7 @@ use sunglint_calibration::reduction::folder::{
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{Library, Recipe, ReduceError, ReduceOptions, reduce, stays};
+use sunglint_calibration::timing::read_timings;
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
@@ -102,6 +103,9 @@ pub struct FrameArgs {
     /// Library of master darks, bias frames and flats: gives what the session lacks, and keeps what it has
     #[arg(long, value_name = "FOLDER")]
     pub library: Option<PathBuf>,
+    /// When the cameras expose, as `sunglint timing` measured it: is taken off the times of a session's frames
+    #[arg(long, value_name = "FILE")]
+    pub timing: Option<PathBuf>,
 }
 
 /// Frames of other programs.
@@ -323,6 +327,7 @@ impl FrameArgs {
         let Some(mut options) = FrameOptions::for_station(station) else { return Ok(None) };
         options.sensor = sensor;
         options.library = self.library.as_ref().map(Library::open).transpose()?;
+        options.timings = self.timing.as_deref().map(read_timings).transpose()?;
         self.recipe().apply_to_frames(&mut options);
         Ok(Some(options))
     }
@@ -421,9 +426,11 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         }
         inputs.push(path.clone());
     }
-    if args.raw || args.target.is_some() || args.recipe.is_some() || args.frames.library.is_some() {
+    let of_sessions =
+        args.target.is_some() || args.recipe.is_some() || args.frames.library.is_some();
+    if args.raw || of_sessions || args.frames.timing.is_some() {
         return Err(Usage(
-            "--raw, --target, --recipe and --library are about sessions, not frames of other programs".into(),
+            "--raw, --target, --recipe, --library and --timing are about sessions, not frames of other programs".into(),
         )
         .into());
     }

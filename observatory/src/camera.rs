@@ -240,7 +240,8 @@ impl CameraWork {
             }
             let counts = self.follow_light(&now, exposure_s, &frame, camera.limits());
             let target = slot.map(|slot| slot.target);
-            self.hand_over(frame, Taken { exposing: &now.exposing, target, filter }, worker);
+            let taken = Taken { exposing: &now.exposing, target, filter, asked, took };
+            self.hand_over(frame, taken, worker);
             if let Some(step) = now.step.filter(|_| counts) {
                 *self.taken.entry(step).or_default() += 1;
             }
@@ -681,7 +682,7 @@ impl CameraWork {
     }
 
     fn hand_over(&mut self, mut frame: Frame, taken: Taken<'_>, worker: &Worker) {
-        let Taken { exposing, target, filter } = taken;
+        let Taken { exposing, target, filter, asked, took } = taken;
         let half = hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
         let middle: Epoch = frame.start + half;
         if worker.opener.keeps_numbers() {
@@ -695,6 +696,10 @@ impl CameraWork {
                 "the camera's name in this session",
             );
             self.say_settings(&exposing.plan, filter, &mut frame);
+            let doubt_s = begin_doubt_s(frame.start, frame.exposure_s, asked, took.as_secs_f64());
+            // Twice the standard uncertainty holds all of it.
+            let comment = "s, half of the begin's largest error: latency unmeasured";
+            frame.header.set("TIMSYER", 0.5 * doubt_s, comment);
             if let Some(level) = exposing.level_adu {
                 frame.header.set(FLAT_LEVEL, level, "ADU, median that was asked for");
             }
@@ -717,6 +722,28 @@ struct Taken<'a> {
     /// The target of the slot in which it was asked for.
     target: Option<Target>,
     filter: FrameFilter,
+    /// When the host asked for it, and how long it took.
+    asked: Epoch,
+    took: Duration,
+}
+
+/// Largest error of the begin that a frame says, s, by the host's clock: the exposure began after it was asked for, at `asked`, and early enough to end before the frame was
+/// here, `took_s` later.
+///
+/// ```
+/// use hifitime::{Epoch, Unit};
+/// use sunglint_observatory::begin_doubt_s;
+///
+/// let asked = Epoch::from_gregorian_utc_at_midnight(2026, 11, 28);
+/// // A frame of 1 s that came after 1.4 s and says that it began at once may have begun 0.4 s later.
+/// assert!((begin_doubt_s(asked, 1.0, asked, 1.4) - 0.4).abs() < 1e-9);
+/// // One that says 0.3 s before it was asked for is off by 0.3 to 0.7 s.
+/// assert!((begin_doubt_s(asked - 0.3 * Unit::Second, 1.0, asked, 1.4) - 0.7).abs() < 1e-9);
+/// ```
+pub fn begin_doubt_s(said: Epoch, exposure_s: f64, asked: Epoch, took_s: f64) -> f64 {
+    let said_s = (said - asked).to_seconds();
+    let latest_s = (took_s - exposure_s).max(0.0);
+    said_s.abs().max((latest_s - said_s).abs())
 }
 
 /// Takes a step of the computer's clock, s, out of a frame's time: its driver stamps with that clock. Of a driver on another computer,

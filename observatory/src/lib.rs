@@ -76,6 +76,7 @@ mod tags;
 pub mod telescope;
 mod worker;
 
+pub use camera::begin_doubt_s;
 pub use films::Films;
 pub use live::{Control, ControlError, LiveState};
 pub use mount::MountPlan;

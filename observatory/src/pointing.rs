@@ -74,6 +74,8 @@ impl Pointing {
         header.set("SITEELEV", place.height_m, "m above the ellipsoid");
         let middle = format_utc_shortest(utc);
         header.set("DATE-AVG", middle.trim_end_matches('Z'), "middle of the exposure, UTC");
+        let end = format_utc_shortest(start + (utc - start) * 2);
+        header.set("DATE-END", end.trim_end_matches('Z'), "end of the exposure, UTC");
         header.set("MJD-OBS", start.to_mjd_utc_days(), "d, start of the exposure, UTC");
         header.set("MJD-AVG", utc.to_mjd_utc_days(), "d, middle of the exposure, UTC");
         let said = header.text("FRAME").or(told).map(|word| word.trim().to_ascii_lowercase());

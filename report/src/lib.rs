@@ -20,6 +20,7 @@
 //! - [`compare`]: a measured pass beside the simulated one;
 //! - [`fit`]: measured passes fitted by simulated ones;
 //! - [`align`]: the fields of the fibres on the camera image;
+//! - [`timing`]: when cameras expose;
 //! - [`apply`]: a calibrated light curve;
 //! - [`calibrate`]: nights calibrated from stars;
 //! - [`efficiency`]: a detector's efficiency;
@@ -77,6 +78,7 @@ pub mod spin;
 pub mod star;
 mod stream;
 pub mod tables;
+pub mod timing;
 pub mod track;
 pub mod unmix;
 
