@@ -461,6 +461,18 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["observe", "made_up.toml", "-o", "v", "-q"]);
     keys(&folder.json(&["reduce", "v", "--json"]), &mut printed);
     keys(&folder.json(&["align", "v", "--json"]), &mut printed);
+    // A lamp that flashes into both.
+    let night = night
+        .replace("exposure_s = 0.2", "exposure_s = 0.1")
+        .replace("bin_s = 0.1", "bin_s = 0.01");
+    let night =
+        night.replace("virtual.toml", "lamp.toml") + "[[visit]]\noff = \"sky\"\nfor_s = 20\n";
+    std::fs::write(folder.path("flashing.toml"), night).unwrap();
+    let options =
+        "[camera]\nlatency_s = 0.1\nrow_time_s = 3e-4\n[lamp]\ne_per_px_s = 20000\nhz = 50000\n";
+    std::fs::write(folder.path("lamp.toml"), options).unwrap();
+    folder.done(&["observe", "flashing.toml", "-o", "flashing", "-q"]);
+    keys(&folder.json(&["timing", "flashing", "--json"]), &mut printed);
     // A counter with raw tags.
     crate::common::tagged::Tagged::new(1).session(&folder.path("tagged"));
     keys(&folder.json(&["reduce", "tagged", "--json"]), &mut printed);
@@ -561,6 +573,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "period",
         "fold",
         // Values of keys.
+        "driver",
+        "host",
         "one",
         "family",
         "not_enough",
@@ -580,6 +594,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "observe",
         "reduce",
         "align",
+        "timing",
         "analyse",
         "attitude",
         // Of another minimum that is one by a symmetry, and where samples are left out.

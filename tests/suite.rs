@@ -50,5 +50,6 @@ mod sky;
 #[cfg(feature = "study")]
 mod study;
 mod thesis;
+mod timing;
 mod track;
 mod virtual_observatory;

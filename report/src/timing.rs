@@ -87,6 +87,7 @@ pub fn product(measurement: &Measurement) -> Product {
             "name": timing.camera,
             "instrument": timing.instrument,
             "binning": timing.binning,
+            "window_px": timing.window_px,
             "clock": timing.clock,
             "latency_s": rounded(timing.latency_s.value),
             "latency_sigma_s": rounded(timing.latency_s.sigma),

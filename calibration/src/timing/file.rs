@@ -27,6 +27,8 @@ struct Camera {
     instrument: Option<String>,
     #[serde(default = "unbinned")]
     binning: [u32; 2],
+    #[serde(default)]
+    window_px: Option<[usize; 2]>,
     clock: FrameClock,
     latency_s: Finite,
     latency_sigma_s: NonNegative,
@@ -59,15 +61,19 @@ pub(super) fn read(path: &Path) -> Result<Timings, FileError> {
             camera: camera.name,
             instrument: camera.instrument,
             binning: camera.binning,
+            window_px: camera.window_px,
             clock: camera.clock,
             latency_s: Measured::new(camera.latency_s.get(), camera.latency_sigma_s.get()),
             jitter_s: camera.jitter_s.map_or(0.0, NonNegative::get),
             row_time_s: camera.row_time_s.map(|time| Measured::new(time.get(), row_sigma_s)),
             frames: camera.frames,
         };
-        let key = |t: &CameraTiming| (t.camera.clone(), t.instrument.clone(), t.binning, t.clock);
+        let key = |t: &CameraTiming| {
+            (t.camera.clone(), t.instrument.clone(), t.binning, t.window_px, t.clock)
+        };
         if cameras.iter().any(|known| key(known) == key(&timing)) {
-            let expected = format!("camera {} once in each binning and clock", timing.camera);
+            let expected =
+                format!("camera {} once in each binning, window and clock", timing.camera);
             return Err(document.error_at("camera", expected).into());
         }
         cameras.push(timing);
@@ -86,9 +92,13 @@ pub fn timing_file(cameras: &[&CameraTiming]) -> String {
             let _ = writeln!(text, "instrument = {}", quoted(instrument));
         }
         let [x, y] = timing.binning;
+        let _ = writeln!(text, "binning = [{x}, {y}]");
+        if let Some([columns, rows]) = timing.window_px {
+            let _ = writeln!(text, "window_px = [{columns}, {rows}]");
+        }
         let _ = write!(
             text,
-            "binning = [{x}, {y}]\nclock = \"{}\"\nlatency_s = {:.6}\nlatency_sigma_s = {:.6}\njitter_s = {:.6}\n",
+            "clock = \"{}\"\nlatency_s = {:.6}\nlatency_sigma_s = {:.6}\njitter_s = {:.6}\n",
             timing.clock.name(),
             timing.latency_s.value,
             timing.latency_s.sigma,
@@ -120,6 +130,7 @@ mod tests {
             camera: "the \"wide\" one".into(),
             instrument: Some("QHY 174".into()),
             binning: [2, 2],
+            window_px: Some([2, 2]),
             clock: FrameClock::Driver,
             latency_s: Measured::new(0.231, 0.0015),
             jitter_s: 0.02,
@@ -165,6 +176,9 @@ mod tests {
         assert!(timings.of("other", &before).is_none());
         let mut other = frame();
         other.binning = [1, 1];
+        assert!(timings.of("the \"wide\" one", &other).is_none());
+        let mut other = frame();
+        other.pixels = Array2::zeros((2, 3));
         assert!(timings.of("the \"wide\" one", &other).is_none());
         before.header.set("TIMRDER", 0.001, "");
         assert!(timings.of("the \"wide\" one", &before).is_none());

@@ -59,7 +59,7 @@ pub const SYSTEMATIC: &str = "TIMSYER";
 /// Keyword of their random uncertainty, s.
 pub const JITTER: &str = "TIMRDER";
 
-/// Times of a camera's frames, in one binning.
+/// Times of a camera's frames, in one binning and window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraTiming {
     /// The camera's name in sessions.
@@ -68,6 +68,8 @@ pub struct CameraTiming {
     pub instrument: Option<String>,
     /// Columns and rows of the sensor in one pixel.
     pub binning: [u32; 2],
+    /// Columns and rows of the frame, px; any without them.
+    pub window_px: Option<[usize; 2]>,
     /// Whose clock its frames' begins are of.
     pub clock: FrameClock,
     /// Time by which the exposure of the first row begins later than the frame says, s.
@@ -93,12 +95,13 @@ impl Timings {
     /// The times of a camera's frame; `None` where it was not measured so.
     pub fn of(&self, camera: &str, frame: &Frame) -> Option<&CameraTiming> {
         let (clock, instrument) = (FrameClock::of(frame), instrument(frame));
+        let (rows, columns) = frame.pixels.dim();
         self.cameras.iter().find(|timing| {
-            let same = timing.instrument.is_none() || timing.instrument == instrument;
             timing.camera == camera
+                && (timing.instrument.is_none() || timing.instrument == instrument)
                 && timing.binning == frame.binning
+                && timing.window_px.is_none_or(|window| window == [columns, rows])
                 && timing.clock == clock
-                && same
         })
     }
 
@@ -119,10 +122,11 @@ impl Timings {
 }
 
 impl CameraTiming {
-    /// Camera, binning and clock, for messages.
+    /// Camera, binning, window and clock, for messages.
     pub fn name(&self) -> String {
         let [x, y] = self.binning;
-        format!("{} in binning {x} × {y} with the {}'s clock", self.camera, self.clock.name())
+        let window = self.window_px.map_or_else(String::new, |[x, y]| format!(", {x} × {y} px"));
+        format!("{} in binning {x} × {y}{window}, {}'s clock", self.camera, self.clock.name())
     }
 
     /// Standard uncertainty of a frame's times, s.
@@ -283,7 +287,7 @@ pub fn measure(
         for group in groups(&opened, &camera, progress)? {
             let [x, y] = group.binning;
             let name = format!(
-                "camera {camera}, binning {x} × {y}, {} × {} px, {} clock",
+                "camera {camera}, binning {x} × {y}, {} × {} px, {}'s clock",
                 group.size[0],
                 group.size[1],
                 group.clock.name()
@@ -438,6 +442,7 @@ fn of_group(
                     camera: camera.to_owned(),
                     instrument: group.instrument.clone(),
                     binning: group.binning,
+                    window_px: Some(group.size),
                     clock: group.clock,
                     latency_s: Measured::new(shift.later_s, shift.sigma_s),
                     jitter_s: shift.jitter_s,
