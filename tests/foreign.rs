@@ -364,12 +364,15 @@ fn other_client(port: u16, stop: &AtomicBool, asked: &AtomicU64) {
 }
 
 /// Two programs on one camera of others (`indi_simulator_ccd`): ours asks for 0.3 s, gain 10, a window of 320 × 256, light frames; the other exposes for 0.5 s and
-/// sets what it likes. Truth: what ours asked for: no frame of the session has another exposure, size, gain or type; those taken after the other one came say that the camera is shared; what was refused is
+/// sets what it likes; for 16 s, as a campaign for 3 min. Truth: what ours asked for: no frame of the session has another exposure, size, gain or type; those taken after the other one came say that the camera is shared; what was refused is
 /// counted.
 #[test]
-fn two_programs_on_one_camera() {
+fn campaign_two_programs_on_one_camera() {
     let programs = ["indiserver", "indi_simulator_ccd"];
-    live("two_programs_on_one_camera", &programs, || {
+    let whole =
+        std::env::var("SUNGLINT_CAMPAIGN").is_ok_and(|name| name == "two_programs_on_one_camera");
+    let night_s = if whole { 180.0 } else { 16.0 };
+    live("campaign_two_programs_on_one_camera", &programs, || {
         let folder = Folder::new("two");
         let server = Server::start();
         let camera = format!(
@@ -377,9 +380,12 @@ fn two_programs_on_one_camera() {
             server.port
         );
         let plan =
-            plan(16.0, &camera).replace("{ g = 1, r = 2 }", "{ id400 = 1, spcm = 2 }").replace(
-                "off = \"sky\"\nfor_s = 16",
-                "off = \"sky\"\nfor_s = 2\n[[visit]]\nstar = \"Polaris\"\nfor_s = 14",
+            plan(night_s, &camera).replace("{ g = 1, r = 2 }", "{ id400 = 1, spcm = 2 }").replace(
+                &format!("off = \"sky\"\nfor_s = {night_s}"),
+                &format!(
+                    "off = \"sky\"\nfor_s = 2\n[[visit]]\nstar = \"Polaris\"\nfor_s = {}",
+                    night_s - 2.0
+                ),
             );
         std::fs::write(folder.0.join("night.toml"), plan).unwrap();
         let mut program = observe(&folder, "s").spawn().unwrap();

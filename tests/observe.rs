@@ -300,6 +300,65 @@ fn a_full_disk_is_said_and_spoils_nothing() {
     assert_eq!(new_bins, old_bins);
 }
 
+/// Runs `act` on a disk of so many MB, a tmpfs; `None` where none can be mounted.
+#[cfg(target_os = "linux")]
+fn on_disk<R>(place: &Path, megabytes: u64, act: impl FnOnce() -> R) -> Option<R> {
+    std::fs::create_dir(place).unwrap();
+    let done = |command: &mut Command| command.output().is_ok_and(|output| output.status.success());
+    let size = format!("size={megabytes}m");
+    if !done(Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(place)) {
+        return None;
+    }
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(act));
+    assert!(done(Command::new("umount").arg(place)), "the test's tmpfs could not be taken away");
+    Some(result.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+}
+
+/// A virtual night of half as much again as a disk holds, on disks of 4 and 10 MB; as a campaign on disks of 4, 10, 30 and 100 MB. Truth: the plan: a bin each 0.1 s from the first to the last moment, none lost; frames are, and are counted.
+/// The check and the start warn of the disk. Needs root.
+#[test]
+#[cfg(target_os = "linux")]
+fn campaign_small_disks() {
+    let whole = std::env::var("SUNGLINT_CAMPAIGN").is_ok_and(|name| name == "small_disks");
+    let sizes: &[u64] = if whole { &[4, 10, 30, 100] } else { &[4, 10] };
+    for megabytes in sizes {
+        let folder = Folder::new(&format!("disk-{megabytes}"));
+        // Frames of 0.5 MB, one each 0.5 s.
+        let seconds = (1.5 * *megabytes as f64).ceil();
+        let plan = format!(
+            "station = \"ufo\"\nfrom = \"2020-11-18T18:00:00Z\"\nvirtual = \"virtual.toml\"\n[[camera]]\nname = \"cam\"\ndevice = \"virtual\"\nexposure_s = 0.4\ninterval_s = 0.5\n\
+             window_px = [400, 300, 500, 500]\n[[counter]]\nname = \"tagger\"\ndevice = \"virtual\"\nchannels = {{ id400 = 1, spcm = 2 }}\nbin_s = 0.1\n[[visit]]\noff = \"sky\"\nfor_s = {seconds}\n"
+        );
+        std::fs::write(folder.0.join("night.toml"), plan).unwrap();
+        std::fs::write(folder.0.join("virtual.toml"), "").unwrap();
+        let place = folder.0.join("disk");
+        let found = on_disk(&place, *megabytes, || {
+            let checked = folder.run(&["observe", "--check", "night.toml", "-o", "disk/s"]);
+            let output = folder.run(&["observe", "night.toml", "-o", "disk/s"]);
+            let session = Session::open(place.join("s")).unwrap();
+            (checked, output, bins(&session), frames(&session).len())
+        });
+        let Some((checked, output, bins, frames)) = found else {
+            sunglint_testkit::skip("campaign_small_disks", "a tmpfs can only be mounted by root");
+            return;
+        };
+        let said = String::from_utf8_lossy(&checked.stdout).into_owned();
+        let warned = said.lines().any(|line| line.contains("warning") && line.contains("disk"));
+        assert!(warned, "{megabytes}: {said}");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(message.contains("GB are free"), "{megabytes}: {message}");
+        assert_eq!(output.status.code(), Some(1), "{megabytes}: {message}");
+        assert!(message.contains("frames of cam are left out"), "{megabytes}: {message}");
+        let expected = (10.0 * seconds) as usize;
+        assert_eq!(bins.len(), expected, "{megabytes}: {message}");
+        let gaps = bins.windows(2).filter(|w| w[1].start_ps != w[0].start_ps + w[0].length_ps);
+        assert_eq!(gaps.count(), 0, "{megabytes}");
+        // At least half of what fits beside the reserve is used.
+        assert!(frames * 4 >= *megabytes as usize, "{megabytes}: {frames} frames");
+        eprintln!("{megabytes} MB: {} bins, {frames} of {} frames", bins.len(), 2.0 * seconds);
+    }
+}
+
 /// Truth: a limit of the system for the size of files (`ulimit -f`, 60 blocks of 0.5 or 1 kB), below that of a frame (80 kB): the program outlives the signal that comes with it, says what is the matter, and fails in good order.
 #[test]
 #[cfg(unix)]

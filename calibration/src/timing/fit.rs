@@ -105,7 +105,7 @@ impl FrameLight {
 pub(super) struct Shift {
     /// Time by which exposures begin later than they say, s.
     pub later_s: f64,
-    /// Its standard uncertainty, s.
+    /// Standard uncertainty of it, s.
     pub sigma_s: f64,
     /// Standard deviation of a frame's own shift about it, s.
     pub jitter_s: f64,

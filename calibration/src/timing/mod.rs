@@ -64,7 +64,7 @@ pub const JITTER: &str = "TIMRDER";
 pub struct CameraTiming {
     /// The camera's name in sessions.
     pub camera: String,
-    /// Its own name, where its frames say one.
+    /// The name that the camera has for itself, where its frames say one.
     pub instrument: Option<String>,
     /// Columns and rows of the sensor in one pixel.
     pub binning: [u32; 2],
@@ -198,9 +198,9 @@ pub struct MeasuredTiming {
 /// Result of a measurement.
 #[derive(Debug, Clone, Default)]
 pub struct Measurement {
-    /// What was found.
+    /// Times that were found.
     pub found: Vec<MeasuredTiming>,
-    /// What was not, and why.
+    /// Cameras without, and why.
     pub warnings: Vec<String>,
 }
 
@@ -216,7 +216,7 @@ pub enum TimingError {
     Unknown {
         /// Camera or channel.
         kind: &'static str,
-        /// Its name.
+        /// The name that was asked for.
         asked: String,
         /// Names that there are.
         known: String,
@@ -226,7 +226,7 @@ pub enum TimingError {
     Missing {
         /// The session.
         path: PathBuf,
-        /// What it lacks.
+        /// The instrument that it lacks.
         missing: &'static str,
     },
     /// Nothing could be measured.
