@@ -446,3 +446,73 @@ fn campaign_two_programs_on_one_camera() {
         assert!(ours > 3 && text.contains(&told), "{told}: {text}");
     });
 }
+
+/// A program that does nothing but expose for 10 ms and take the frame, for so long: how many frames it got.
+fn bare_client(port: u16, time: Duration) -> u32 {
+    let mut line = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    line.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    let device = "device=\"CCD Simulator\"";
+    let text = format!(
+        "<getProperties version=\"1.7\"/>\n<enableBLOB {device}>Also</enableBLOB>\n\
+         <newSwitchVector {device} name=\"CONNECTION\"><oneSwitch name=\"CONNECT\">On</oneSwitch></newSwitchVector>\n"
+    );
+    line.write_all(text.as_bytes()).unwrap();
+    let expose = format!(
+        "<newNumberVector {device} name=\"CCD_EXPOSURE\"><oneNumber name=\"CCD_EXPOSURE_VALUE\">0.01</oneNumber></newNumberVector>\n"
+    );
+    let (mut heard, mut kept, mut frames) = (vec![0; 1 << 20], Vec::new(), 0);
+    // What the server says at the beginning is read before the first frame.
+    let quiet = Instant::now() + Duration::from_secs(2);
+    while Instant::now() < quiet {
+        let _ = line.read(&mut heard);
+    }
+    line.write_all(expose.as_bytes()).unwrap();
+    let end = Instant::now() + time;
+    while Instant::now() < end {
+        let Ok(count) = line.read(&mut heard) else { continue };
+        kept.extend_from_slice(&heard[..count]);
+        let tag = b"</setBLOBVector>";
+        if kept.windows(tag.len()).any(|window| window == tag) {
+            frames += 1;
+            line.write_all(expose.as_bytes()).unwrap();
+            kept.clear();
+        } else {
+            // The tag may be torn in two.
+            kept.drain(..kept.len().saturating_sub(tag.len()));
+        }
+    }
+    frames
+}
+
+/// Frames of 10 ms from the camera of others (`indi_simulator_ccd`), by a program that does nothing else and by ours, one after the other on one server. Truth: the bare program's own count. As a campaign of 30 s ours
+/// has nine tenths of its frames each second at least; in the suite both have some.
+#[test]
+fn campaign_camera_rate() {
+    let programs = ["indiserver", "indi_simulator_ccd"];
+    let whole = std::env::var("SUNGLINT_CAMPAIGN").is_ok_and(|name| name == "camera_rate");
+    let seconds = if whole { 30.0 } else { 4.0 };
+    live("campaign_camera_rate", &programs, || {
+        let folder = Folder::new("rate");
+        let server = Server::start();
+        let bare = bare_client(server.port, Duration::from_secs_f64(seconds));
+        let camera = format!(
+            "[[camera]]\nname = \"cam\"\ndevice = \"indi-camera:127.0.0.1:{}/CCD Simulator\"\nexposure_s = 0.01\n",
+            server.port
+        );
+        let plan =
+            plan(seconds + 3.0, &camera).replace("{ g = 1, r = 2 }", "{ id400 = 1, spcm = 2 }");
+        std::fs::write(folder.0.join("night.toml"), plan).unwrap();
+        assert!(observe(&folder, "s").status().unwrap().success());
+        let session = Session::open(folder.0.join("s")).unwrap();
+        let starts: Vec<_> =
+            session.frames("cam").unwrap().files.iter().filter_map(|f| f.start()).collect();
+        let [first, .., last] = starts[..] else { panic!("{} frames", starts.len()) };
+        let ours = (starts.len() - 1) as f64 / (last - first).to_seconds();
+        let bare = f64::from(bare) / seconds;
+        eprintln!("bare client {bare:.2} frames/s, ours {ours:.2}: {:.3}", ours / bare);
+        assert!(bare > 1.0 && ours > 0.0);
+        if whole {
+            assert!(ours >= 0.9 * bare, "{ours} of {bare} frames/s");
+        }
+    });
+}

@@ -290,6 +290,50 @@ print('read')
     assert_eq!(run_python(&python, script, &tables).trim(), "read");
 }
 
+/// Truth: astropy and ccdproc, with every warning an error: each frame of a night opens, its header keeps to the standard, its world coordinates and its begin, middle and end are read, and agree to 1 ms.
+#[test]
+fn astropy_and_ccdproc_read_frames_without_a_warning() {
+    let test = "astropy_and_ccdproc_read_frames_without_a_warning";
+    let folder = Folder::new("reduce-headers");
+    write(&folder.0, &plan_of(&[]), SHORT);
+    folder.done(&["observe", "night.toml", "-o", "session", "-q"]);
+    let Some(python) = peer_python(test, &["astropy", "ccdproc"]) else { return };
+    let script = "
+import sys, warnings
+warnings.simplefilter('error', UserWarning)
+warnings.simplefilter('error', DeprecationWarning)
+from astropy.io import fits
+from astropy.nddata import CCDData
+from astropy.time import Time
+from astropy.wcs import WCS
+from ccdproc import ImageFileCollection
+import astropy.units as u
+found = ImageFileCollection(sys.argv[1])
+kinds = set()
+for name in found.files_filtered(include_path=True):
+    with fits.open(name) as hdus:
+        hdus.verify('exception')
+        header = hdus[0].header
+    WCS(header)
+    data = CCDData.read(name, unit='adu')
+    assert data.shape == (200, 200)
+    begin, middle, end = (Time(header[k], scale='utc') for k in ('DATE-OBS', 'DATE-AVG', 'DATE-END'))
+    assert abs((end - begin).to_value(u.s) - header['EXPTIME']) < 1e-3
+    assert abs((middle - begin).to_value(u.s) - header['EXPTIME'] / 2) < 1e-3
+    for day, date in (('MJD-OBS', begin), ('MJD-AVG', middle), ('MJD-END', end)):
+        assert abs((Time(header[day], format='mjd') - date).to_value(u.s)) < 1e-3
+    kinds.add(header['IMAGETYP'])
+print(len(found.files), sorted(kinds))
+";
+    let frames = folder.path("session/frames/cam/18").display().to_string();
+    let printed = run_python(&python, script, &[&frames]);
+    let [count, kinds] = printed.trim().splitn(2, ' ').collect::<Vec<_>>()[..] else {
+        panic!("{printed}")
+    };
+    assert!(count.parse::<u32>().unwrap() > 20, "{printed}");
+    assert_eq!(kinds, "['Dark Frame', 'Light Frame']");
+}
+
 /// Truth: the night's own κ. Six stars of 20 s each, as bright as the catalogue says: from the folder of the session to κ in one step. A mean of six stars of
 /// 20 s twinkles by 0.2 %; a percent is five of that. Outside the camera's aperture, which is 2.5 times as wide as the widest point and up to 3.4 times as others,
 /// lie 0.6 to 1.8 % of a Moffat profile (β = 3): (1 + r²/α²)⁻², α = 0.98 widths; so much larger is its κ.

@@ -698,7 +698,7 @@ impl CameraWork {
             self.say_settings(&exposing.plan, filter, &mut frame);
             let doubt_s = begin_doubt_s(frame.start, frame.exposure_s, asked, took.as_secs_f64());
             // Twice the standard uncertainty holds all of it.
-            let comment = "s, half of the begin's largest error: latency unmeasured";
+            let comment = "s, times may be off by twice that";
             frame.header.set("TIMSYER", 0.5 * doubt_s, comment);
             if let Some(level) = exposing.level_adu {
                 frame.header.set(FLAT_LEVEL, level, "ADU, median that was asked for");

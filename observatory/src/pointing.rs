@@ -74,10 +74,13 @@ impl Pointing {
         header.set("SITEELEV", place.height_m, "m above the ellipsoid");
         let middle = format_utc_shortest(utc);
         header.set("DATE-AVG", middle.trim_end_matches('Z'), "middle of the exposure, UTC");
-        let end = format_utc_shortest(start + (utc - start) * 2);
-        header.set("DATE-END", end.trim_end_matches('Z'), "end of the exposure, UTC");
+        let end = start + (utc - start) * 2;
+        let text = format_utc_shortest(end);
+        header.set("DATE-END", text.trim_end_matches('Z'), "end of the exposure, UTC");
         header.set("MJD-OBS", start.to_mjd_utc_days(), "d, start of the exposure, UTC");
         header.set("MJD-AVG", utc.to_mjd_utc_days(), "d, middle of the exposure, UTC");
+        // Astropy warns of a date without it.
+        header.set("MJD-END", end.to_mjd_utc_days(), "d, end of the exposure, UTC");
         let said = header.text("FRAME").or(told).map(|word| word.trim().to_ascii_lowercase());
         let kind = match said.as_deref() {
             Some("dark") => "Dark Frame",

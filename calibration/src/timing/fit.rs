@@ -101,7 +101,7 @@ impl FrameLight {
 }
 
 /// Shift of the frames of a band.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shift {
     /// Time by which exposures begin later than they say, s.
     pub later_s: f64,
@@ -111,6 +111,8 @@ pub(super) struct Shift {
     pub jitter_s: f64,
     /// Frames that tell it: those that an edge of the light falls into.
     pub telling: f64,
+    /// Part that each frame's own noise has in the shift, s: their squares add up to its variance, but for the bins'.
+    pub influence_s: Vec<f64>,
 }
 
 /// Why no shift is found.
@@ -323,11 +325,17 @@ fn sureness(
         return Err(NoShift::NoEdges(telling));
     }
     let per_s = steep * found.y / scale;
-    let sigma_s = covariance.z_axis.z.max(0.0).sqrt() / per_s;
+    let less = (n / (n - 3.0)).sqrt() / per_s;
+    let influence_s: Vec<f64> = residuals
+        .iter()
+        .enumerate()
+        .map(|(i, residual)| inverse.mul_vec3(row(i)).z * residual * less)
+        .collect();
+    let sigma_s = influence_s.iter().map(|s| s * s).sum::<f64>().sqrt();
     // Each edge of the light stands in its bin as it likes.
     let bin_s = reference.bin_s().unwrap_or(0.0) / 12_f64.sqrt() / telling.sqrt();
     let jitter_s = jitter(&residuals, &counts, &edges, steep) / per_s;
-    Ok(Shift { later_s, sigma_s: sigma_s.hypot(bin_s), jitter_s, telling })
+    Ok(Shift { later_s, sigma_s: sigma_s.hypot(bin_s), jitter_s, telling, influence_s })
 }
 
 /// Standard deviation of the light by the shift alone, for an edge of the steepest kind: what frames with an edge scatter more than those without one do.

@@ -510,39 +510,51 @@ fn of_channel<'a>(
         let Some(row) = middle_row(seen, group.size[1], count, band) else { continue };
         // Rows are read within an exposure's time of one another, or nearly.
         if let Ok(shift) = fit::near(&used, &light, reference, whole.later_s) {
-            bands.push((row, Measured::new(shift.later_s, shift.sigma_s)));
+            bands.push((row, shift));
         }
     }
-    let rolling =
-        rolling(&bands).filter(|(_, slope)| slope.value.abs() > ROLLS_SIGMAS * slope.sigma);
+    let rolling = rolling(&bands).filter(|(_, time)| time.value.abs() > ROLLS_SIGMAS * time.sigma);
     let (shift, row_time_s) = match rolling {
-        // Jitter is common to all rows: they do not make the begin surer than the whole frame is.
-        Some((first, slope)) => {
-            let sigma_s = first.sigma.max(whole.sigma_s);
-            (Shift { later_s: first.value, sigma_s, ..whole }, Some(slope))
+        Some((first, time)) => {
+            (Shift { later_s: first.value, sigma_s: first.sigma, ..whole }, Some(time))
         }
         None => (whole, None),
     };
-    Ok((shift, row_time_s, bands, used))
+    let bands = bands.into_iter().map(|(row, s)| (row, Measured::new(s.later_s, s.sigma_s)));
+    Ok((shift, row_time_s, bands.collect(), used))
 }
 
 /// Straight line through the bands' latencies: that of row 0, and the time of a row; `None` of too few bands.
-fn rolling(bands: &[(f64, Measured)]) -> Option<(Measured, Measured)> {
+///
+/// A frame's jitter moves all bands together: what is left of it in the line is added up frame by frame.
+fn rolling(bands: &[(f64, Shift)]) -> Option<(Measured, Measured)> {
     if bands.len() < LEAST_BANDS {
         return None;
     }
-    let sum = |of: &dyn Fn(f64, f64) -> f64| {
-        bands.iter().map(|(row, m)| of(*row, m.value) / m.sigma.powi(2)).sum::<f64>()
-    };
-    let (w, x, y) = (sum(&|_, _| 1.0), sum(&|row, _| row), sum(&|_, later| later));
-    let (xx, xy) = (sum(&|row, _| row * row), sum(&|row, later| row * later));
-    let determinant = w * xx - x * x;
-    if determinant <= 0.0 {
+    let n = bands.len() as f64;
+    let mean = bands.iter().map(|(row, _)| row).sum::<f64>() / n;
+    let spread = bands.iter().map(|(row, _)| (row - mean).powi(2)).sum::<f64>();
+    if spread <= 0.0 {
         return None;
     }
-    let slope = Measured::new((w * xy - x * y) / determinant, (w / determinant).sqrt());
-    let first = Measured::new((xx * y - x * xy) / determinant, (xx / determinant).sqrt());
-    Some((first, slope))
+    let frames = bands[0].1.influence_s.len();
+    let of = |weight: &dyn Fn(f64) -> f64| {
+        let value = bands.iter().map(|(row, s)| weight(*row) * s.later_s).sum::<f64>();
+        let of_frame =
+            |i: usize| bands.iter().map(|(row, s)| weight(*row) * s.influence_s[i]).sum::<f64>();
+        let variance = (0..frames).map(|i| of_frame(i).powi(2)).sum::<f64>();
+        Measured::new(value, variance.sqrt())
+    };
+    let time = of(&|row| (row - mean) / spread);
+    let first = of(&|row| 1.0 / n - mean * (row - mean) / spread);
+    // Where the counter's bins are coarse the line is scattered about by them, too.
+    let scatter = bands
+        .iter()
+        .map(|(row, s)| (s.later_s - first.value - time.value * row).powi(2))
+        .sum::<f64>()
+        / (n - 2.0);
+    let time = Measured::new(time.value, time.sigma.hypot((scatter / spread).sqrt()));
+    Some((first, time))
 }
 
 /// Mean light of a frame's bands.
