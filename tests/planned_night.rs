@@ -192,7 +192,7 @@ fn filters_and_flats_are_planned() {
     let folder = Folder::new("planned-filters");
     std::fs::write(folder.path("station.toml"), STATION).unwrap();
     std::fs::write(folder.path("qe.csv"), "wavelength_nm,efficiency\n400,0.4\n900,0.4\n").unwrap();
-    let devices = "station = \"station.toml\"\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.5\n[[wheel]]\nname = \"wheel\"\ndevice = \"sim-wheel\"\nfilters = [\"Luminance\", \"V\", \"R\"]\n";
+    let devices = "station = \"station.toml\"\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.5\ninterval_s = 4\n[[wheel]]\nname = \"wheel\"\ndevice = \"sim-wheel\"\nfilters = [\"Luminance\", \"V\", \"R\"]\n";
     std::fs::write(folder.path("devices.toml"), devices).unwrap();
     let tle = elements();
     folder.done(&command(&tle, &["-o", "night.toml", "--flats", "20000", "--star-mag", "3,6"]));
@@ -216,6 +216,9 @@ fn filters_and_flats_are_planned() {
     let kinds: Vec<&str> = visits.iter().filter_map(|v| v.get("off")?.as_str()).collect();
     assert_eq!(&kinds[..2], ["flat", "bias"], "{kinds:?}");
     assert_eq!(visits[0]["filters"], both);
+    // By hand: 20 frames, one each 4 s.
+    let [from, to] = seconds(&visits[1]);
+    assert_eq!(to - from, 81.0);
     // Stuttgart, 12 August 2024: the Sun is at −2° at 18:51 UTC and at −7° at 19:25 (astropy, get_sun); the planner looks each minute.
     let [from, to] = seconds(&visits[0]);
     assert!((from - 67_860.0).abs() < 120.0 && (to - 69_900.0).abs() < 120.0, "{from} {to}");

@@ -11,6 +11,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, parse_utc};
+use sunglint_formats::toml::Positive;
 use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
@@ -260,6 +261,8 @@ const FLATS_DEG: [f64; 2] = [-2.0, -7.0];
 /// Frames of flats behind each filter, and of bias.
 const FLAT_FRAMES: u32 = 9;
 const BIAS_FRAMES: u32 = 20;
+/// Least time for them, s: with 2 s of readout each.
+const LEAST_BIAS_S: f64 = 60.0;
 /// Exposure of bias frames, s: one that nearly every camera can take.
 const BIAS_S: f64 = 0.01;
 
@@ -663,7 +666,10 @@ impl Planner<'_> {
             self.warnings.push("no flats: there is no evening twilight before the night".into());
             return Ok(());
         };
-        let bias_s = 60.0;
+        // As many frames as are asked for, by the slowest camera.
+        let intervals = self.around.devices.cameras.iter().filter_map(|camera| camera.interval_s);
+        let slowest_s = intervals.map(Positive::get).fold(0.0, f64::max);
+        let bias_s = (f64::from(BIAS_FRAMES) * slowest_s + BIAS_S).ceil().max(LEAST_BIAS_S);
         let to = if seconds(to, first) < bias_s { later(first, -bias_s) } else { to };
         let for_s = seconds(from, to).floor();
         if for_s < 60.0 {
