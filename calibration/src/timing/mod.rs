@@ -284,7 +284,12 @@ pub fn measure(
         .collect::<Result<_, FileError>>()?;
     let mut measurement = Measurement::default();
     for camera in cameras {
-        for group in groups(&opened, &camera, progress)? {
+        let (groups, unread) = groups(&opened, &camera, progress)?;
+        if unread > 0 {
+            let warning = format!("camera {camera}: {unread} frames cannot be read");
+            measurement.warnings.push(warning);
+        }
+        for group in groups {
             let [x, y] = group.binning;
             let name = format!(
                 "camera {camera}, binning {x} × {y}, {} × {} px, {}'s clock",
@@ -371,20 +376,23 @@ fn reference(sessions: &[Session], channel: &str, zero: Epoch) -> Result<Referen
     Ok(reference)
 }
 
-/// The frames of a camera in all sessions, those that were taken alike together. Dark and bias frames see no lamp.
+/// The frames of a camera in all sessions, those that were taken alike together, and the number of those that cannot be read. Dark and bias frames see no lamp.
 fn groups(
     sessions: &[Session],
     camera: &str,
     progress: &dyn Progress,
-) -> Result<Vec<Group>, TimingError> {
-    let mut groups: Vec<Group> = Vec::new();
+) -> Result<(Vec<Group>, usize), TimingError> {
+    let (mut groups, mut unread): (Vec<Group>, usize) = (Vec::new(), 0);
     for session in sessions {
         if !session.cameras().any(|name| name == camera) {
             continue;
         }
         for file in session.frames(camera)?.files {
             step(progress)?;
-            let Ok(frame) = file.read() else { continue };
+            let Ok(frame) = file.read() else {
+                unread += 1;
+                continue;
+            };
             if matches!(said_kind(&frame), Some(TargetKind::Dark | TargetKind::Bias)) {
                 continue;
             }
@@ -404,7 +412,7 @@ fn groups(
             groups[place].files.push(file);
         }
     }
-    Ok(groups)
+    Ok((groups, unread))
 }
 
 fn step(progress: &dyn Progress) -> Result<(), Cancelled> {
