@@ -14,6 +14,7 @@ use sunglint_calibration::reduction::{Recipe, ReduceOptions, reduce};
 use sunglint_calibration::stars::{
     NightsError, NightsOptions, Options as StarOptions, calibrate_nights, read_visits,
 };
+use sunglint_calibration::timing::read_timings;
 use sunglint_formats::session::Session;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, Frame};
@@ -179,7 +180,7 @@ fn check_session(py: Python<'_>, folder: PathBuf) -> PyResult<(Outcome, bool)> {
 
 /// Reduces a session: the summary, and the products of each visit.
 #[pyfunction]
-#[pyo3(signature = (folder, target=None, station=None, aperture_px=None, fwhm_px=None, gate=1.0, raw=false, progress=None))]
+#[pyo3(signature = (folder, target=None, station=None, aperture_px=None, fwhm_px=None, gate=1.0, raw=false, timing=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn reduce_session(
     py: Python<'_>,
@@ -190,6 +191,7 @@ fn reduce_session(
     fwhm_px: Option<f64>,
     gate: Option<f64>,
     raw: bool,
+    timing: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Outcome, Vec<Outcome>)> {
     run(py, progress, move |watch: &Watch| {
@@ -200,6 +202,9 @@ fn reduce_session(
         };
         let mut options = ReduceOptions::for_station(&station);
         options.frames = FrameOptions::for_station(&station);
+        if let (Some(frames), Some(timing)) = (&mut options.frames, &timing) {
+            frames.timings = Some(read_timings(timing)?);
+        }
         let recipe = Recipe {
             target,
             gate: gate.map(|q| within("gate", q, 1e-9, 1e9)).transpose()?,

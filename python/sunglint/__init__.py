@@ -1953,7 +1953,7 @@ class Session:
         result.is_whole = is_whole
         return result
 
-    def reduce(self, target=None, station=None, aperture_px=None, fwhm_px=None, gate=1.0, raw=False, progress=None):
+    def reduce(self, target=None, station=None, aperture_px=None, fwhm_px=None, gate=1.0, raw=False, timing=None, progress=None):
         """Frames and counts become linear light curves, visit by visit.
 
         Parameters
@@ -1968,13 +1968,15 @@ class Session:
             Samples are kept with the target within this ellipse of the fibre's field.
         raw : bool
             Also the rates as they were counted.
+        timing : path, optional
+            When the cameras expose, as ``sunglint timing --timing-out`` measured it: is taken off the frames' times.
         progress : callable (stage, done, of) or tqdm bar, optional
 
         Returns
         -------
         Reduced
         """
-        outcome, curves = _core.reduce_session(self.folder, target, station and _path(station), aperture_px, fwhm_px, gate, raw, _callback(progress))
+        outcome, curves = _core.reduce_session(self.folder, target, station and _path(station), aperture_px, fwhm_px, gate, raw, timing and _path(timing), _callback(progress))
         reduced = Reduced(outcome, curves, station or self.station)
         # The copy of the station may lie in a folder that nobody named.
         reduced._kept_session = self._keep

@@ -281,6 +281,7 @@ class Session:
         fwhm_px: float | None = None,
         gate: float | None = 1.0,
         raw: bool = False,
+        timing: _Path | None = None,
         progress: _Progress | None = None,
     ) -> Reduced: ...
 

@@ -412,6 +412,17 @@ def test_a_session_becomes_the_programs_curves(demo, tmp_path):
         assert list(mine) == list(theirs)
         for column in theirs:
             assert np.array_equal(mine[column], theirs[column], equal_nan=mine[column].dtype.kind == "f"), column
+    # A latency of half a second is taken off the frames, not off the bins.
+    timing = tmp_path / "timing.toml"
+    timing.write_text('format = 1\n[[camera]]\nname = "cam"\nclock = "driver"\nlatency_s = 0.5\nlatency_sigma_s = 0.01\n')
+    moved, before = session.reduce(target="sphere", timing=timing)["sphere_1"].table, reduced["sphere_1"].table
+    for channel, later_s in (("g", 0.5), ("spcm", 0.0)):
+        times = [table["time_utc"][np.isfinite(table[f"{channel}_rate_hz"])] for table in (moved, before)]
+        assert len(times[0]) == len(times[1]) > 10
+        apart = (np.asarray(times[0], dtype="datetime64[ns]") - np.asarray(times[1], dtype="datetime64[ns]")) / np.timedelta64(1, "s")
+        assert np.all(np.abs(apart - later_s) < 1e-6), channel
+    with pytest.raises(sg.Error, match="no-such"):
+        session.reduce(timing=tmp_path / "no-such.toml")
     theirs = json.loads(program("calibrate", demo / "reduced", "--station", "ufo", "--json", "-q"))
     found = reduced.calibrate("ufo")
     # The inputs' paths differ, and nothing else.
