@@ -67,7 +67,7 @@ fn shift_s(curve: &LightCurve, channel: &str) -> f64 {
             (middle_s, curve.samples.exposure_s[i], rates[i])
         })
         .collect();
-    assert!(samples.len() > 100, "{channel}: {}", samples.len());
+    assert!(samples.len() > 60, "{channel}: {}", samples.len());
     let left = |shift_s: f64| {
         let model = |(middle_s, exposure_s, _): &(f64, f64, f64)| {
             let at = |i: u32| middle_s + shift_s + exposure_s * ((f64::from(i) + 0.5) / 20.0 - 0.5);
