@@ -219,6 +219,15 @@ fn filters_and_flats_are_planned() {
     // By hand: 20 frames, one each 4 s.
     let [from, to] = seconds(&visits[1]);
     assert_eq!(to - from, 81.0);
+    // A wheel without names: said, with what to do.
+    std::fs::write(
+        folder.path("devices.toml"),
+        devices.replace("filters = [\"Luminance\", \"V\", \"R\"]\n", ""),
+    )
+    .unwrap();
+    let run = folder.run(&command(&tle, &["-o", "unnamed.toml"]));
+    let said = String::from_utf8(run.stderr).unwrap();
+    assert!(said.contains("wheel wheel names no filters") && said.contains("R, V"), "{said}");
     // Stuttgart, 12 August 2024: the Sun is at −2° at 18:51 UTC and at −7° at 19:25 (astropy, get_sun); the planner looks each minute.
     let [from, to] = seconds(&visits[0]);
     assert!((from - 67_860.0).abs() < 120.0 && (to - 69_900.0).abs() < 120.0, "{from} {to}");

@@ -8,7 +8,7 @@ use super::saturation::Judge;
 use super::sequence::Exposing;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, parse_utc};
 use sunglint_formats::toml::Positive;
@@ -304,6 +304,7 @@ impl Planner<'_> {
             }
         }
         self.warn_of_gains();
+        self.warn_of_filters();
         passes.sort_by(|a, b| seconds(b.span.0, a.span.0).total_cmp(&0.0));
         let mut visits: Vec<(Epoch, PlannedVisit)> =
             passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
@@ -340,6 +341,23 @@ impl Planner<'_> {
             }
         }
         self.whole(visits, [first, last], night.0, left_out)
+    }
+
+    /// Says where nothing is planned through filters that the station's channels have.
+    fn warn_of_filters(&mut self) {
+        let devices = self.around.devices;
+        let named: BTreeSet<&str> =
+            devices.station.channels.iter().filter_map(|c| c.filter.as_deref()).collect();
+        if named.is_empty() || !self.filters().is_empty() {
+            return;
+        }
+        let named = named.into_iter().collect::<Vec<_>>().join(", ");
+        for wheel in devices.wheels.iter().filter(|wheel| wheel.filters.is_empty()) {
+            self.warnings.push(format!(
+                "wheel {} names no filters, so nothing is planned through {named}, which the station's channels have: write its filters = [\"…\"], slot 1 first (sunglint devices check \"{}\")",
+                wheel.name, wheel.device
+            ));
+        }
     }
 
     fn warn_of_gains(&mut self) {
@@ -408,6 +426,7 @@ impl Planner<'_> {
         };
         let night = *self.around.dark.iter().find(holds).ok_or(PlannerError::NoPass)?;
         self.warn_of_gains();
+        self.warn_of_filters();
         let (block_s, dark_s) = (self.star_block_s(), self.options.dark_s);
         let mut visits: Vec<(Epoch, PlannedVisit)> =
             passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
