@@ -510,7 +510,7 @@ fn campaign_camera_rate() {
         let ours = (starts.len() - 1) as f64 / (last - first).to_seconds();
         let bare = f64::from(bare) / seconds;
         eprintln!("bare client {bare:.2} frames/s, ours {ours:.2}: {:.3}", ours / bare);
-        assert!(bare > 1.0 && ours > 0.0);
+        assert!(bare > 0.0 && ours > 0.0);
         if whole {
             assert!(ours >= 0.9 * bare, "{ours} of {bare} frames/s");
         }

@@ -441,7 +441,7 @@ fn a_killed_night_goes_on_in_its_folder() {
     let plan = "station = \"ufo\"\nfor_s = 16\n\
         [[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
         [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1, r = 2 }\nbin_s = 0.1\nraw_tags = true\n\
-        [[visit]]\nstar = \"Polaris\"\nfor_s = 14\nframes = 60\nexposure_s = 0.05\ninterval_s = 0.2\n";
+        [[visit]]\nstar = \"Polaris\"\nfor_s = 14\nframes = 60\nexposure_s = 0.05\ninterval_s = 0.15\n";
     std::fs::write(folder.0.join("night.toml"), plan).unwrap();
     let start = |arguments: &[&str]| {
         let program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
