@@ -153,9 +153,14 @@ pub fn with_hint(error: PublishedError) -> anyhow::Error {
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
         PublishedError::Objects { .. } => anyhow!("{error} (--object NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),
-        PublishedError::NoneUsable { why: Unusable::Short { .. } | Unusable::NoNoise, .. } => {
-            anyhow!("{error} (--sigma-mag MAG says it)")
-        }
+        PublishedError::NoneUsable {
+            why:
+                Unusable::Short { .. }
+                | Unusable::NoNoise
+                | Unusable::Constant { .. }
+                | Unusable::Rounded { .. },
+            ..
+        } => anyhow!("{error} (--sigma-mag MAG says it)"),
         error => error.into(),
     }
 }

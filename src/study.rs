@@ -61,6 +61,7 @@ mod with {
     use serde_json::json;
     use std::path::{Path, PathBuf};
     use std::time::Instant;
+    use sunglint_formats::text::counted;
     use sunglint_radiometry::station::Station;
     use sunglint_study::run::{self, Part, Ran};
     use sunglint_study::slurm::{self, Array};
@@ -156,13 +157,6 @@ mod with {
             grace: slurm::GRACE,
             options: args.slurm_option.clone(),
         })
-    }
-
-    fn counted(count: usize, one: &str) -> String {
-        match count {
-            1 => format!("1 {one}"),
-            _ => format!("{count} {one}s"),
-        }
     }
 
     fn plan(study: &Study, folder: &Path) -> String {

@@ -346,7 +346,7 @@ fn nights_with_zero_points_of_their_own_are_joined() {
     });
     std::fs::write(folder.path("constant.csv"), constant.collect::<String>()).unwrap();
     let wrong = folder.refused(1, &["analyse", "period", "constant.csv", "-q"]);
-    assert!(wrong.contains("all 360 are 7: constant light"), "{wrong}");
+    assert!(wrong.contains("360 rows of 7: constant light"), "{wrong}");
 }
 
 /// Six passes of a cylinder that tumbles (synthetic): simulated, and read.

@@ -242,6 +242,17 @@ fn the_programs_reduce_a_night_and_astropy_reads_it() {
     // A second time nothing is overwritten, and that is said before the work.
     let error = folder.refused(1, &["reduce", "session", "-o", "out/"]);
     assert!(error.contains("is there already"), "{error}");
+    // Frames are searched side by side: the same bytes on any machine.
+    for threads in ["1", "4"] {
+        folder.done(&["reduce", "session", "-q", "-o", "beside/", "--raw", "--threads", threads]);
+        for entry in std::fs::read_dir(folder.path("beside")).unwrap() {
+            let path = entry.unwrap().path();
+            let other = folder.path("out").join(path.file_name().unwrap());
+            let same = std::fs::read(&path).unwrap() == std::fs::read(&other).unwrap();
+            assert!(same, "{} differs with {threads} threads", path.display());
+        }
+        std::fs::remove_dir_all(folder.path("beside")).unwrap();
+    }
     let Some(python) =
         peer_python("the_programs_reduce_a_night_and_astropy_reads_it", &["astropy"])
     else {

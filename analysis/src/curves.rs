@@ -11,7 +11,7 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::light_curve::published::{
     CurveFile, Label, MagnitudeOptions, PublishedError,
 };
-use sunglint_radiometry::light_curve::{ChannelCurve, Input, LightCurve};
+use sunglint_radiometry::light_curve::{ChannelCurve, Input, LightCurve, given_twice};
 use sunglint_radiometry::station::Station;
 
 /// A gap that parts the passes of a near body, s: turns over it are counted by nobody.
@@ -70,6 +70,8 @@ pub struct NamedCurve {
     pub is_far: bool,
     /// Whether the file says the exposures.
     pub is_exposure_known: bool,
+    /// Step to which the file's magnitudes are rounded, mag; `None` of rates and fluxes.
+    pub step_mag: Option<f64>,
 }
 
 impl NamedCurve {
@@ -215,12 +217,11 @@ fn read_curve(
                 labels: None,
                 is_far: false,
                 is_exposure_known: true,
+                step_mag: None,
             };
             let doubled = named.curve.drop_doubled();
-            let note = format!(
-                "{doubled} samples stand there twice (time, light and flags are the same): each counts once"
-            );
-            (named, if doubled > 0 { vec![note] } else { Vec::new() })
+            let note = (doubled > 0).then(|| given_twice(doubled, "flags"));
+            (named, note.into_iter().collect())
         }
         // In the order of time already, and the labels with it.
         CurveFile::Magnitudes(mut b) => {
@@ -231,6 +232,7 @@ fn read_curve(
                 labels: b.used_labels(),
                 is_far: b.is_far,
                 is_exposure_known: b.is_exposure_known,
+                step_mag: b.step_mag,
             };
             (named, std::mem::take(&mut b.notes))
         }
@@ -354,6 +356,7 @@ impl Curves {
             if !curve.is_exposure_known {
                 series.exposure_s = 0.0;
             }
+            series.rounding_mag = curve.step_mag;
             Ok(series)
         };
         let filters = curve.filters();

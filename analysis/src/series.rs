@@ -37,6 +37,8 @@ pub struct Series {
     pub weight: Vec<f64>,
     /// The longest exposure, s; 0 where it is not known.
     pub exposure_s: f64,
+    /// Step to which the magnitudes behind the values are rounded, mag; `None` where they are no magnitudes.
+    pub rounding_mag: Option<f64>,
     /// True where the weights come from uncertainties.
     pub is_weighted: bool,
     /// Samples that were left out, and found odd.
@@ -125,6 +127,7 @@ impl Series {
             time_s: time,
             weight,
             exposure_s: 0.0,
+            rounding_mag: None,
             is_weighted,
             left_out: LeftOut { not_finite, same_time, ..LeftOut::default() },
             name,
@@ -244,6 +247,13 @@ impl Series {
             (Some(first), Some(last)) => last - first,
             _ => 0.0,
         }
+    }
+
+    /// Scatter (standard deviation) and rounding step, mag, where the first is no more than the second: nothing but the rounding of constant light need be in it.
+    pub(crate) fn rounded_away(&self) -> Option<(f64, f64)> {
+        let step_mag = self.rounding_mag?;
+        let scatter_mag = 2.5 / std::f64::consts::LN_10 * deviation(&self.value) / self.mean();
+        (scatter_mag >= 0.0 && scatter_mag <= step_mag).then_some((scatter_mag, step_mag))
     }
 
     /// The weighted mean; `NaN` of nothing.

@@ -214,7 +214,7 @@ fn the_order_of_rows_never_matters() {
     mixed[0].magnitude.push(m);
     let doubled = ask(&mixed);
     assert!(
-        doubled.warnings[0].starts_with("1 samples share their time"),
+        doubled.warnings[0].starts_with("1 sample at the time of another"),
         "{:?}",
         doubled.warnings
     );

@@ -186,6 +186,33 @@ fn uncertainties_are_those_of_the_factors() {
     near(found.components.wavelength, 2.0 * per_nm.abs());
 }
 
+/// Truth by hand: of a rig that gives 3 % more since its begin the efficiency is that over 1.03, with all its parts, and the uncertainty of the change is of that. A change to nothing cannot be.
+#[test]
+fn a_drift_is_undone() {
+    let (photodiode_v, _) = split(600.0, 1e-5);
+    let calm = Reading {
+        wavelength_nm: 600.0,
+        photodiode_v,
+        counts: 40_000.0,
+        exposure_s: 1.0,
+        dark_exposure_s: 1.0,
+        ..Reading::default()
+    };
+    let drifted =
+        Reading { drift_relative: 0.03, sigma_drift_relative: 0.01, drift_step: true, ..calm };
+    let of = |r| reduce(&[set(vec![r])], &sensor(1e-7)).map(|found| found.rows[0].clone());
+    let (calm, found) = (of(calm).unwrap(), of(drifted).unwrap());
+    let near = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+    near(found.efficiency, calm.efficiency / 1.03);
+    near(found.components.drift, 0.01 * calm.efficiency / 1.03);
+    near(found.components.counts, calm.components.counts / 1.03);
+    near(found.components.linearity, calm.components.linearity / 1.03);
+    near(found.photons_hz, calm.photons_hz);
+    assert!(found.flags.contains(EfficiencyFlags::DRIFT_STEP) && calm.components.drift == 0.0);
+    let error = of(Reading { drift_relative: -1.0, ..drifted }).unwrap_err().to_string();
+    assert!(error.contains("drift_relative"), "{error}");
+}
+
 /// Hard cases: what has no efficiency says why, what is above 1 stands there; other rows are untouched.
 #[test]
 fn what_is_no_efficiency_says_why() {

@@ -1,33 +1,28 @@
 //! The Zaber stage with a simulated device: what is right, what goes wrong, bad lines, recorded conversations.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-use crate::common::turning::{Cable, Case, Rig, fixtures, thousand};
+use crate::common::turning::{Case, Counterpart as _, Desk, Rig, Trial, fixtures, thousand, usual};
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::catalogue::Address;
-use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
+use sunglint_drivers::clock::{Deadline, VirtualClock};
 use sunglint_drivers::device::{Device as _, DeviceError, RotationStage};
 use sunglint_drivers::recording::{Faults, Faulty, Injected};
 use sunglint_drivers::simulated::InMemory;
 use sunglint_drivers::simulated::zaber::{Zaber, ZaberSettings};
 use sunglint_drivers::transport::Bytes;
 use sunglint_drivers::turning::{Turning, TurningSettings};
-use sunglint_drivers::zaber::{LinkSettings, Stage, open};
-
-const REFERENCE: i64 = -15_000;
+use sunglint_drivers::zaber::{LinkSettings, Zaber as Axis, open};
 
 fn after(clock: &Arc<VirtualClock>, s: u64) -> Deadline {
     Deadline::after(clock.clone(), Duration::from_secs(s))
 }
 
-fn stage(clock: &Arc<VirtualClock>, device: ZaberSettings) -> Stage<InMemory<Zaber>> {
+fn desk(device: ZaberSettings) -> Desk<Axis<InMemory<Zaber>>, Zaber> {
     let link = LinkSettings { device: device.address, ..LinkSettings::new(1_000.0) };
     let line = InMemory::new(Zaber::new(device));
-    open(line, link, TurningSettings::default(), &after(clock, 10)).unwrap()
-}
-
-fn device(stage: &mut Stage<InMemory<Zaber>>) -> &mut Zaber {
-    &mut stage.axis_mut().line_mut().device
+    let open = |d: &Deadline| open(line, link, TurningSettings::default(), d);
+    Desk::new(open, |stage| &mut stage.axis_mut().line_mut().device).unwrap()
 }
 
 /// Truth: the simulated device's own place; 1000 microsteps are 1°. With checksums and without, with alerts, and with a
@@ -37,25 +32,15 @@ fn it_homes_and_turns_to_absolute_angles() {
     for (checksums, alerts, address, preset) in
         [(true, false, 1, 0), (false, true, 1, 0), (true, true, 42, 5_000)]
     {
-        let clock = Arc::new(VirtualClock::new());
         let settings = ZaberSettings { checksums, alerts, address, preset, ..Default::default() };
-        let mut stage = stage(&clock, settings);
-        let d = after(&clock, 600);
-        let identity = stage.identity(&d).unwrap();
+        let mut desk = desk(settings);
+        let d = desk.within(60);
+        let identity = desk.stage.identity(&d).unwrap();
         assert_eq!(
             (identity.model.as_str(), identity.serial.as_deref()),
             ("device 50081", Some("12345"))
         );
-        assert!(stage.angle_deg(&d).unwrap_err().to_string().contains("home it"));
-        let home = f64::from(preset) / 1_000.0;
-        assert_eq!(stage.home(&d).unwrap(), home);
-        assert_eq!(device(&mut stage).place(), REFERENCE);
-        for angle in [0.5, 12.345, -33.25, 100.0] {
-            assert!((stage.move_to(angle, &d).unwrap() - angle).abs() < 1e-12);
-            let place = device(&mut stage).place() - REFERENCE + i64::from(preset);
-            assert_eq!(place, (angle * 1_000.0).round() as i64);
-        }
-        let told = stage.settings(&d).unwrap();
+        let told = desk.stage.settings(&d).unwrap();
         let has = |name: &str, value: &str| {
             told.iter().any(|s| s.name == name && s.value.to_string() == value)
         };
@@ -63,42 +48,23 @@ fn it_homes_and_turns_to_absolute_angles() {
             has("checksums", if checksums { "on" } else { "off" })
                 && has("max_speed_units", "20000")
         );
-        device(&mut stage).power_cycle();
-        let error = stage.angle_deg(&d).unwrap_err();
-        assert!(error.to_string().contains("no reference"), "{error}");
+        let home_deg = f64::from(preset) / 1_000.0;
+        desk.homes_and_turns(home_deg, &[0.5, 12.345, -33.25, 100.0], "no reference");
     }
 }
 
 /// Truth: the simulated device's own place and faults.
 #[test]
 fn what_goes_wrong_is_named_and_it_stands_then() {
-    let clock = Arc::new(VirtualClock::new());
-    let mut stage = stage(&clock, ZaberSettings::default());
-    stage.home(&after(&clock, 60)).unwrap();
-    let begun = clock.now();
-    let error = stage.move_to(90.0, &after(&clock, 1)).unwrap_err();
-    assert!(matches!(*error.error, DeviceError::TooSlow { .. }), "{error}");
-    assert!(device(&mut stage).is_standing() && clock.now() - begun < Duration::from_secs(3));
-    let place = (device(&mut stage).place() - REFERENCE) as f64 / 1_000.0;
-    assert!((error.done.unwrap() - place).abs() < 1e-9 && place > 15.0, "{error:?}, {place}");
-    let cancel = Cancel::new();
-    cancel.cancel();
-    let error = stage.move_to(2.0, &after(&clock, 60).with_cancel(&cancel)).unwrap_err();
-    assert!(matches!(*error.error, DeviceError::Cancelled { .. }), "{error}");
-    device(&mut stage).set_obstacle(Some(REFERENCE + 50_000));
-    let error = stage.move_to(90.0, &after(&clock, 60)).unwrap_err();
-    assert!(error.to_string().contains("FS, stalled and stopped"), "{error}");
-    assert_eq!(error.done, Some(50.0));
-    device(&mut stage).set_obstacle(None);
-    assert_eq!(stage.move_to(90.0, &after(&clock, 60)).unwrap(), 90.0, "the old fault is over");
-    device(&mut stage).refuses = Some("PARKED");
-    let error = stage.move_to(10.0, &after(&clock, 60)).unwrap_err();
-    assert!(error.to_string().contains("refused move abs 10000: it says `PARKED`"), "{error}");
-    assert_eq!(error.done, Some(90.0));
-    device(&mut stage).refuses = None;
-    device(&mut stage).dead = true;
-    let error = stage.home(&after(&clock, 60)).unwrap_err();
-    assert!(matches!(*error.error, DeviceError::NotStopped { .. }), "{error}");
+    let obstacle = (50_000, "FS, stalled and stopped");
+    let trial = Trial { far_deg: 90.0, too_short_s: 1, beyond_deg: 15.0, obstacle };
+    desk(ZaberSettings::default()).battery(trial, |desk| {
+        desk.device().refuses = Some("PARKED");
+        let (error, at) = desk.fails(10.0);
+        assert!(error.contains("refused move abs 10000: it says `PARKED`"), "{error}");
+        assert_eq!(at, Some(90.0));
+        desk.device().refuses = None;
+    });
 }
 
 /// Truth: by construction: a device with one axis; a user who does not say how far a microstep turns.
@@ -119,7 +85,7 @@ fn what_must_be_said_is_asked_for() {
 struct Zabers;
 
 impl Rig for Zabers {
-    type Axis = sunglint_drivers::zaber::Zaber<Faulty<InMemory<Zaber>>>;
+    type Axis = Axis<Faulty<InMemory<Zaber>>>;
     const WITHIN_DEG: f64 = 0.0005;
 
     fn open(faults: Faults, seed: u64, d: &Deadline) -> Result<Turning<Self::Axis>, DeviceError> {
@@ -131,7 +97,7 @@ impl Rig for Zabers {
 
     fn truth(stage: &Turning<Self::Axis>) -> (f64, bool) {
         let device = &stage.axis().line().inner().device;
-        ((device.place() - REFERENCE) as f64 / 1_000.0, device.is_standing())
+        (device.deg(), device.is_standing())
     }
 
     fn injected(stage: Turning<Self::Axis>) -> Injected {
@@ -154,44 +120,26 @@ fn boxed(line: Box<dyn Bytes>, d: &Deadline) -> Result<Box<dyn RotationStage>, D
 /// Truth: the named ends; the recordings in the repository, byte for byte.
 #[test]
 fn every_recording_ends_as_it_says() {
-    let case = |name, end| Case {
-        name,
-        device: Zaber::new(ZaberSettings::default()),
-        cable: Cable::Good,
-        before: None,
-        end,
-    };
-    let with = |name, end, change: fn(&mut Zaber)| {
-        let mut case = case(name, end);
-        change(&mut case.device);
-        case
-    };
+    let device = || Zaber::new(ZaberSettings::default());
     let plain = ZaberSettings { checksums: false, alerts: true, ..ZaberSettings::default() };
     let good = "10.0000 deg";
-    let cases = vec![
-        case("good", good),
-        Case { device: Zaber::new(plain), ..case("without_checksums", good) },
-        with("refused", "home: Zaber device refused home: it says `PARKED`", |d| {
-            d.refuses = Some("PARKED")
-        }),
-        with(
+    let mut cases = usual(device, good, 4, 6);
+    cases.extend([
+        Case::new("without_checksums", Zaber::new(plain), good),
+        Case::new("refused", device(), "home: Zaber device refused home: it says `PARKED`")
+            .with(|d| d.refuses = Some("PARKED")),
+        Case::new(
             "obstacle",
+            device(),
             "home: Zaber device refused to search its reference: FS, stalled and stopped: check for an obstacle and the load",
-            |d| d.set_obstacle(Some(-1_000)),
-        ),
-        with("silence", "open: no answer but 0 bytes", |d| d.dead = true),
-        Case { cable: Cable::Flip(4), ..case("spoilt", good) },
-        Case {
-            cable: Cable::Cut(6),
-            ..case("disconnect", "home: gone after 0 bytes; not stopped")
-        },
-        Case {
-            before: Some((12, Zaber::power_cycle)),
-            ..case(
-                "power_lost",
-                "home: Zaber device: its reference search did not end at its reference: is the motor on, and the switch free?",
-            )
-        },
-    ];
+        )
+        .with(|d| d.set_obstacle(Some(-1_000))),
+        Case::new(
+            "power_lost",
+            device(),
+            "home: Zaber device: its reference search did not end at its reference: is the motor on, and the switch free?",
+        )
+        .before(12, Zaber::power_cycle),
+    ]);
     fixtures("zaber", "Zaber, device 50081", boxed, cases);
 }

@@ -1,4 +1,4 @@
-//! Foreign texts made fit to be shown: names from files, devices and other programs may hold anything.
+//! Foreign texts made fit to be shown: names from files, devices and other programs may hold anything. And numbers with their nouns.
 
 use std::borrow::Cow;
 
@@ -26,6 +26,17 @@ fn replaced(text: &str, harmful: impl Fn(char) -> bool) -> Cow<'_, str> {
 /// ```
 pub fn plain(text: &str) -> Cow<'_, str> {
     replaced(text, is_harmful)
+}
+
+/// A number with its noun, in the plural but of one.
+///
+/// ```
+/// use sunglint_formats::text::counted;
+/// assert_eq!((counted(1, "row"), counted(0, "row"), counted(12, "row")), ("1 row".into(), "0 rows".into(), "12 rows".into()));
+/// ```
+#[must_use]
+pub fn counted(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
 /// A text of several lines: the same, but for line feeds and tabs, which stay.

@@ -4,7 +4,8 @@
 
 use std::path::Path;
 use sunglint_formats::photometry::{
-    ColumnNames, Format, Scale, Source, column_times, moment, open, read_str, recognise,
+    ColumnNames, Format, ObjectRows, Scale, Source, column_times, import, moment, open, read_str,
+    recognise,
 };
 use sunglint_formats::text_table;
 use sunglint_formats::time::format_utc;
@@ -126,7 +127,7 @@ fn rows_without_a_time_are_left_out() {
             column_times(Path::new(name), &table, &ColumnNames::default()).unwrap().unwrap();
         assert_eq!(format_utc(times.time[0], 0), "2023-02-25T00:00:00Z", "{name}");
         assert!(
-            times.notes.iter().any(|n| n.contains("1 rows without a time")),
+            times.notes.iter().any(|n| n.contains("1 row without a time")),
             "{:?}",
             times.notes
         );
@@ -446,11 +447,7 @@ for t in [Time(2454833.25, [169.51998136, 1325.29454859], format='jd', scale='td
         (Some("SAP_FLUX"), Some("SAP_FLUX_ERR"))
     );
     assert_eq!(kepler.f64("SAP_FLUX").unwrap().to_vec(), [100.0, 50.0]);
-    assert!(
-        read.notes.iter().any(|n| n == "1 rows without a time are left out"),
-        "{:?}",
-        read.notes
-    );
+    assert!(read.notes.iter().any(|n| n == "1 row without a time left out"), "{:?}", read.notes);
     assert!(read.notes.iter().any(|n| n.contains("barycentre")), "{:?}", read.notes);
     let read = times("xray.fits").unwrap().unwrap();
     let found: Vec<String> = read.time.iter().map(|t| format_utc(*t, 3)).collect();
@@ -634,11 +631,11 @@ mod made_by_others {
         assert_eq!(found.samples.magnitude.iter().filter(|m| m.is_finite()).count(), 6);
         let notes = found.samples.notes.join("\n");
         for words in [
-            "mag: 1 cells are limits, no values (the first in line 3: `>16.9`)",
-            "mag: 2 cells hold no value (the first in line 4: `--`)",
-            "mag: 1 cells are no numbers (the first in line 7: `bright`)",
-            "1 rows without a time are left out (the first in line 12)",
-            "1 rows are left out: they do not have 2 values, as many as names (the first in line 13: 1)",
+            "mag: 1 cell with a limit, no value (the first in line 3: `>16.9`)",
+            "mag: 2 cells without a value (the first in line 4: `--`)",
+            "mag: 1 cell with no number (the first in line 7: `bright`)",
+            "1 row without a time left out (the first in line 12)",
+            "1 row left out: without 2 values, as many as names (the first in line 13: 1)",
         ] {
             assert!(notes.contains(words), "{words}: {notes}");
         }
@@ -727,7 +724,7 @@ mod made_by_others {
         assert_eq!(found.samples.filter, Some(["V", "B", "B"].map(str::to_owned).to_vec()));
         assert_eq!((found.samples.target.as_str(), found.samples.time.len()), ("SAT A", 3));
         let notes = found.samples.notes.join("\n");
-        for words in ["3 of 5 rows are of the object", "1 rows stand there twice"] {
+        for words in ["3 of 5 rows taken: those of the object", "1 row given twice"] {
             assert!(notes.contains(words), "{words}: {notes}");
         }
         let refused = of(ObjectRows::Of("SAT C".into())).unwrap_err().to_string();
@@ -836,6 +833,25 @@ mod made_by_others {
         let lost = ALCDEF.replace("DATA=2455000.25|7.9||", "DATA=2455000.25|NaN|0.1|");
         let found = read_str("a.txt", &lost, Format::Alcdef).unwrap();
         assert_eq!(found.magnitude, [7.812, 0.4]);
-        assert!(found.notes.iter().any(|n| n.contains("1 samples without a magnitude")));
+        assert!(found.notes.iter().any(|n| n.contains("1 sample without a magnitude")));
+    }
+}
+
+/// Truth: the file: names and no row, in three formats. Refused with the number of rows, and with the names that are there; with one row it is read.
+#[test]
+fn tables_without_a_row_are_refused() {
+    let ecsv = "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: mjd_utc, datatype: float64}\n# - {name: mag, datatype: float64}\nmjd_utc mag\n";
+    for (format, text) in
+        [("CSV", "# synthetic\nmjd_utc,mag\n"), ("text", "mjd_utc mag\n"), ("ECSV", ecsv)]
+    {
+        let read = |text: String| {
+            import("f", text.into_bytes(), &ColumnNames::default(), &ObjectRows::default())
+        };
+        let words = read(text.to_owned()).unwrap_err().to_string();
+        let found = format!("f: found {format} with 0 rows below the names mjd_utc, mag");
+        assert!(words.starts_with(&found) && words.contains("a row for each sample"), "{words}");
+        let between = if format == "CSV" { ',' } else { ' ' };
+        let one = read(format!("{text}60374.5{between}8.1\n")).unwrap();
+        assert_eq!(one.samples.magnitude, [8.1]);
     }
 }

@@ -56,6 +56,21 @@ pub trait Record<L> {
     fn event(&mut self, text: &str) -> Result<(), RecordError>;
 }
 
+/// Ends a run: what was read is safe when it returns, and the error that ended the run is an event. The first error is the one that counts.
+///
+/// # Errors
+/// The run's, else that of the disk.
+pub fn end<L, E>(record: &mut dyn Record<L>, result: Result<(), E>) -> Result<(), E>
+where
+    E: std::fmt::Display + From<RecordError>,
+{
+    let synced = record.sync();
+    if let Err(error) = &result {
+        let _ = record.event(&error.to_string());
+    }
+    result.and(synced.map_err(E::from))
+}
+
 /// Lines in memory: for runs on a virtual rig that nobody wants to keep.
 #[derive(Debug, Clone)]
 pub struct InMemory<L>(pub Vec<L>);

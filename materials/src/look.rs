@@ -111,6 +111,10 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
         let all = table.rows.len();
         made = made.with_note(format!("{left} of {all} rows are below 0 or no number: left out"));
     }
+    let said = crate::exchange::warnings(&table).into_iter();
+    for note in said.chain(crate::fit::saturation_note(&table)) {
+        made = made.with_note(note);
+    }
     Ok(made)
 }
 

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_calibration::apply::{Applied, ChannelPhotometry, Photometry, is_valid};
 use sunglint_formats::flag_bits::bit_names;
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, ParseError, Table};
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
@@ -86,19 +87,22 @@ impl AppliedReport<'_> {
     /// The curve as text.
     pub fn text(&self) -> String {
         let mut text = format!(
-            "{}: {} samples, kappa of the night of {}\n",
+            "{}: {}, kappa of the night of {}\n",
             self.target(),
-            self.found.curve.len(),
+            counted(self.found.curve.len(), "sample"),
             self.found.night.night
         );
         for (name, samples, mean) in self.means() {
-            let row = self.found.night.channel(name);
-            let (kappa, sigma) = row.map_or((f64::NAN, f64::NAN), |r| (r.kappa, r.relative_sigma));
-            let _ = writeln!(
-                text,
-                "  {name:<10} kappa {kappa:>10.4} ± {:.2} %   {samples} valid samples, mean {mean:.4e} Hz",
-                100.0 * sigma
-            );
+            let kappa = match self.found.night.channel(name) {
+                Some(r) => format!("{:>10.4} ± {:.2} %", r.kappa, 100.0 * r.relative_sigma),
+                None => "not known (the night has no such channel)".into(),
+            };
+            let mean = match samples {
+                0 => "no mean".into(),
+                _ => format!("mean {mean:.4e} Hz"),
+            };
+            let valid = counted(samples, "valid sample");
+            let _ = writeln!(text, "  {name:<10} kappa {kappa}   {valid}, {mean}");
         }
         if let Some(photometry) = &self.found.photometry {
             text.push_str(&photometry_text(photometry));

@@ -10,6 +10,7 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_calibration::photometry::field::{Field, StarTrails, Streak};
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, FrameSite};
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
 
@@ -370,9 +371,4 @@ fn picture(pixels: ArrayView2<'_, f32>, field: &Field) -> RgbaImage {
         );
     }
     image
-}
-
-/// A count with its noun.
-fn counted(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

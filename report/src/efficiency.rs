@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_calibration::efficiency::{Efficiency, EfficiencyFlags, EfficiencyRun, Row, to_table};
+use sunglint_formats::text::counted;
 
 /// The efficiency in all its forms.
 pub fn product(run: &EfficiencyRun) -> Product {
@@ -37,7 +38,9 @@ pub fn text(run: &EfficiencyRun) -> String {
     let found = &run.efficiency;
     let mut text = String::new();
     let finite = found.rows.iter().filter(|row| row.efficiency.is_finite()).count();
-    let _ = writeln!(text, "{finite} of {} wavelengths have an efficiency", found.rows.len());
+    let all = counted(found.rows.len(), "wavelength");
+    let have = if finite == 1 { "has" } else { "have" };
+    let _ = writeln!(text, "{finite} of {all} {have} an efficiency");
     if let Some(row) = peak(found) {
         let _ = writeln!(
             text,
@@ -90,6 +93,32 @@ fn summary(run: &EfficiencyRun) -> Value {
         "warnings": run.warnings,
         "inputs": inputs(run),
     })
+}
+
+/// Adds to a figure how the efficiency at a reference changed in a run: its readings (time s, natural logarithm, standard uncertainty) over the first of them, and the relative change that is undone at a time.
+pub fn draw_reference(
+    figure: &mut Figure,
+    readings: &[(f64, f64, f64)],
+    undone: &dyn Fn(f64) -> f64,
+) {
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return };
+    let along = |sigmas: f64| -> Vec<(f64, f64)> {
+        let change = |(s, ln, sigma): &(f64, f64, f64)| {
+            (s / 60.0, 100.0 * (ln + sigmas * sigma - first.1).exp_m1())
+        };
+        readings.iter().map(change).collect()
+    };
+    let line = (0..=300).map(|k| {
+        let time_s = first.0 + (last.0 - first.0) * f64::from(k) / 300.0;
+        (time_s / 60.0, 100.0 * undone(time_s))
+    });
+    let curves = vec![
+        Series::line("undone", 0, line.collect()),
+        Series::dots("reference", 1, along(0.0)),
+        Series::dots("with its σ", 5, along(1.0).into_iter().chain(along(-1.0)).collect()),
+    ];
+    let change = Axis::linear("change at the reference (%)");
+    figure.panels.push(Panel::new(Axis::linear("time (min)"), change, curves));
 }
 
 fn figure(found: &Efficiency, name: &str) -> Option<Figure> {

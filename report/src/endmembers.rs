@@ -5,6 +5,7 @@ use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::column_name;
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_inference::endmembers::FoundEndmembers;
@@ -82,11 +83,11 @@ pub fn figure(found: &FoundEndmembers) -> Option<Figure> {
 /// Text of the list.
 pub fn text(found: &FoundEndmembers) -> String {
     let mut text = format!(
-        "{}: {} found in {} samples of {} bands ({})\n",
+        "{}: {} found in {} of {} ({})\n",
         title(found),
         found.count(),
-        found.time.len(),
-        found.bands.len(),
+        counted(found.time.len(), "sample"),
+        counted(found.bands.len(), "band"),
         found.targets.stopped
     );
     let _ = writeln!(text, "  number  new in it  sample                    nearest known");

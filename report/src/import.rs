@@ -5,6 +5,7 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_formats::photometry::Import;
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Meta, Table, Values};
 use sunglint_numerics::measured::{Interval, pair};
@@ -110,7 +111,8 @@ impl Summary {
 
     /// Text for people.
     pub fn text(&self, path: &Path) -> String {
-        let mut text = format!("{}: {}, {} rows", path.display(), self.format, self.rows);
+        let mut text =
+            format!("{}: {}, {}", path.display(), self.format, counted(self.rows, "row"));
         if self.with_magnitude < self.rows {
             let _ = write!(text, ", {} of them with a magnitude", self.with_magnitude);
         }

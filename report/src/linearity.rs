@@ -5,7 +5,8 @@ use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use sunglint_calibration::detector::fit::{Choice, Exposure, Fitted, Light};
+use sunglint_calibration::detector::fit::{Choice, Exposure, Fitted, Light, Region};
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table};
 
 /// A light that was measured, and what a law says of it.
@@ -84,6 +85,16 @@ pub fn product(name: &str, choice: &Choice, exposures: &[Exposure]) -> Product {
     }
 }
 
+fn region(region: &Region) -> Value {
+    let (least, most) = region.counted_hz;
+    json!({
+        "counted_hz": [rounded(least), rounded(most)],
+        "lights": region.lights,
+        "chi2": rounded(region.chi2),
+        "worst": rounded(region.worst),
+    })
+}
+
 fn summary(name: &str, choice: &Choice) -> Value {
     let law = |fitted: &Fitted| {
         let found: Vec<Value> = (fitted.found.iter())
@@ -102,6 +113,7 @@ fn summary(name: &str, choice: &Choice) -> Value {
             "chi2": rounded(fitted.chi2),
             "freedom": fitted.freedom,
             "fits": fitted.fits,
+            "regions": fitted.regions.iter().map(region).collect::<Vec<_>>(),
             "dark_hz": rounded(fitted.dark_hz),
         })
     };
@@ -135,6 +147,19 @@ pub fn text(choice: &Choice) -> String {
             "{:<18} chi2 {:.1} of {}{fits}",
             fitted.name, fitted.chi2, fitted.freedom
         );
+        for region in fitted.regions.iter().filter(|_| !fitted.fits) {
+            let (least, most) = region.counted_hz;
+            let _ = writeln!(
+                text,
+                "  {:>9} to {:>9} counts/s: chi2 {:.1} of {}, counts up to {:.2} % {} the law",
+                format!("{least:.3e}"),
+                format!("{most:.3e}"),
+                region.chi2,
+                counted(region.lights, "light"),
+                100.0 * region.worst.abs(),
+                if region.worst < 0.0 { "below" } else { "above" }
+            );
+        }
         for found in &fitted.found {
             // Two digits of the interval's half-width.
             let half = 0.5 * (found.high - found.low);

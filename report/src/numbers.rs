@@ -21,9 +21,28 @@ pub fn rounded(value: f64) -> f64 {
     }
 }
 
+/// Why the mean of a group has no number.
+pub(crate) const NO_WEIGHT: &str = "not known (none of the samples has a weight)";
+
+/// A mean in percent with its sign, and its uncertainty; `None` where either is no number.
+pub(crate) fn percent_with_sigma(share: f64, sigma: f64) -> Option<[String; 2]> {
+    let is_known = share.is_finite() && sigma.is_finite();
+    is_known.then(|| [format!("{:+.3}", 100.0 * share), format!("{:.3} %", 100.0 * sigma)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: the definition of per cent; a group without weight has a mean of 0/0 and an uncertainty of 1/0.
+    #[test]
+    fn what_is_no_number_is_not_known() {
+        let known = percent_with_sigma(-0.0123, 0.004).unwrap();
+        assert_eq!(known, ["-1.230", "0.400 %"]);
+        for (share, sigma) in [(f64::NAN, f64::INFINITY), (0.1, f64::INFINITY), (f64::NAN, 0.1)] {
+            assert_eq!(percent_with_sigma(share, sigma), None);
+        }
+    }
 
     /// Truth: the decimal text rounded to nine digits, read back.
     #[test]

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{InBeam, PowerMeter, RotationStage};
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
-use sunglint_materials::log::refuse_begun;
 use sunglint_materials::retro::log::{self, Begun, Log};
 use sunglint_materials::retro::measure::{
     Hands, HandsError, Line, Phase, Rig, State, measure, measured,
@@ -62,20 +62,15 @@ pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
     out.check_names(&names)?;
     let document = Document::read(&args.plan)?;
     let goes_on = args.resume || args.reduce;
-    if !goes_on {
-        refuse_begun::<Line>(folder)?;
-    }
-    let begun = goes_on.then(|| Begun::read(folder, &[log::PLAN, log::RIG])).transpose()?;
+    let files = [log::PLAN, log::RIG];
+    let begun = rig::begun(folder, goes_on, &files, "its angle is read again", console)?;
     // A run goes on with the rig that it was begun with.
-    let rig = begun.as_ref().and_then(|begun| begun.file(log::RIG));
-    let plan = RunPlan::new(&document, rig)?;
+    let rig_text = begun.as_ref().and_then(|begun: &Begun| begun.file(log::RIG));
+    let plan = RunPlan::new(&document, rig_text)?;
     let options = plan.rig.as_ref().map(Options::read).transpose()?;
     if let Some(begun) = &begun {
-        let text = begun.file(log::PLAN).with_context(|| {
-            format!("{}: {} is missing; the folder of a run holds it", folder.display(), log::PLAN)
-        })?;
-        let old = Document::new(folder.join(log::PLAN), text)?;
-        let old = RunPlan::new(&old, rig)?;
+        let text = rig::kept(begun, log::PLAN, folder)?;
+        let old = RunPlan::new(&Document::new(folder.join(log::PLAN), text)?, rig_text)?;
         let same = old.measuring == plan.measuring
             && old.rig.as_ref().map(Options::read).transpose()? == options;
         if args.resume && !same {
@@ -84,13 +79,6 @@ pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
                 args.plan.display(),
                 folder.display()
             );
-        }
-        if begun.torn_bytes > 0 {
-            console.warn(&format!(
-                "{}: a last line of {} bytes was cut off as it was written; its angle is read again",
-                folder.display(),
-                begun.torn_bytes
-            ));
         }
     }
     let (lines, devices) = match begun {
@@ -117,23 +105,13 @@ fn take(
         None => None,
         Some(options) => Some(VirtualRig::new(options, read as u64)?),
     };
-    let last_s = before.last().map_or(0.0, |line| line.time_s);
-    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
-    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.is_some(), first_utc, last_s);
+    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
     let mut opened = open(plan, virtual_rig.as_ref(), &clock, &cancel)?;
     let devices = opened.describe(&clock)?;
-    let mut log = match &begun {
-        None => {
-            let mut files = vec![(log::PLAN, plan.source.as_str())];
-            files.extend(plan.rig.as_ref().map(|rig| (log::RIG, rig.source())));
-            Log::create(folder, &files, clock.clone())?
-        }
-        Some(begun) => Log::resume(folder, begun, clock.clone())?,
-    };
-    let what = if begun.is_some() { "resume" } else { "begin" };
-    log.write_event(what, json!({ "lines": before.len() }))?;
-    log.write_event("devices", devices.clone())?;
+    let rig_text = plan.rig.as_ref().map(Document::source);
+    let files = [(log::PLAN, Some(plan.source.as_str())), (log::RIG, rig_text)];
+    let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock.clone(), &devices)?;
     let angles = plan.measuring.scan.angles().len();
     let scans = if plan.measuring.scan.signature { 2 } else { 1 };
     let done = before.iter().filter(|line| line.state == State::Kept).count();
@@ -155,13 +133,14 @@ fn take(
     }
     if let Err(error) = result {
         let kept = log.lines.iter().filter(|line| line.state == State::Kept).count();
+        let kept = counted(kept, "angle");
         let readings = log.lines.iter().filter(|l| l.state.is_reading());
-        let (readings, folder) = (readings.count(), folder.display());
+        let (readings, folder) = (counted(readings.count(), "reading"), folder.display());
         // The bar goes before the error comes.
         drop(log);
         return Err(anyhow!(error)).with_context(|| {
             format!(
-                "the run cannot go on; the motor is stopped, {readings} readings ({kept} angles) are safe in {folder}: go on with --resume, or make a table of them with --reduce"
+                "the run cannot go on; the motor is stopped, {readings} ({kept}) are safe in {folder}: go on with --resume, or make a table of them with --reduce"
             )
         });
     }
@@ -269,7 +248,7 @@ fn finish(
     }
     let left = show::left(plan, lines);
     if left > 0 {
-        console.warn(&format!("{left} angles are not measured yet: go on with --resume"));
+        console.warn(&format!("not measured yet: {}; go on with --resume", counted(left, "angle")));
     }
     let product = show::product(&retro, plan, lines, devices, folder);
     out.finish(&product, &show::text(&retro, left), console)

@@ -2,18 +2,21 @@
 
 use crate::interrupt::{Hangup, listen as listen_for};
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use anyhow::{Context as _, bail};
 use hifitime::Epoch;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::io::IsTerminal as _;
-use std::path::{MAIN_SEPARATOR, PathBuf};
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
+use sunglint_materials::log::{Begun, Log, LogLine, Watch, refuse_begun};
 use sunglint_materials::retro::measure::{Hands, HandsError};
+use sunglint_numerics::progress::Progress as _;
 
 /// How long opening a device, and finding a stage's reference, may take.
 pub(crate) const OPEN: Duration = Duration::from_secs(30);
@@ -38,16 +41,95 @@ pub(crate) fn folder(out: &OutputArgs, example: &str) -> anyhow::Result<(PathBuf
     Ok((folder.clone(), out))
 }
 
+/// The run in a folder that goes on, or is only read; none where a new one is to begin. `again` says what becomes of a line that was cut off.
+pub(crate) fn begun<L: LogLine>(
+    folder: &Path,
+    goes_on: bool,
+    files: &[&'static str],
+    again: &str,
+    console: Console,
+) -> anyhow::Result<Option<Begun<L>>> {
+    if !goes_on {
+        refuse_begun::<L>(folder)?;
+        return Ok(None);
+    }
+    let begun = Begun::<L>::read(folder, files)?;
+    if begun.torn_bytes > 0 {
+        console.warn(&format!(
+            "{}: a last line of {} bytes was cut off as it was written; {again}",
+            folder.display(),
+            begun.torn_bytes
+        ));
+    }
+    Ok(Some(begun))
+}
+
+/// A file that the folder of a run must hold.
+pub(crate) fn kept<'a, L>(
+    begun: &'a Begun<L>,
+    name: &'static str,
+    folder: &Path,
+) -> anyhow::Result<&'a str> {
+    let text = begun.files.get(name).map(String::as_str);
+    text.with_context(|| {
+        format!("{}: {name} is missing; the folder of a run holds it", folder.display())
+    })
+}
+
+/// The log of a run that begins, with the files that it is begun with, or goes on.
+pub(crate) fn log<L: LogLine>(
+    folder: &Path,
+    begun: Option<&Begun<L>>,
+    files: &[(&'static str, Option<&str>)],
+    clock: DeviceClock,
+    devices: &Value,
+) -> anyhow::Result<Log<L>> {
+    let (mut log, what, lines) = match begun {
+        None => {
+            let files: Vec<(&'static str, &str)> =
+                files.iter().filter_map(|(name, text)| Some((*name, (*text)?))).collect();
+            (Log::create(folder, &files, clock)?, "begin", 0)
+        }
+        Some(begun) => (Log::resume(folder, begun, clock)?, "resume", begun.lines.len()),
+    };
+    log.write_event(what, json!({ "lines": lines }))?;
+    log.write_event("devices", devices.clone())?;
+    Ok(log)
+}
+
+/// Shows how a run goes, on a bar.
+pub(crate) struct Live<L> {
+    pub bar: Arc<Bar>,
+    pub console: Console,
+    /// Words of a line that ends a step.
+    pub step: fn(&L) -> Option<String>,
+}
+
+impl<L> std::fmt::Debug for Live<L> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Live")
+    }
+}
+
+impl<L> Watch<L> for Live<L> {
+    fn line(&mut self, line: &L) {
+        if let Some(text) = (self.step)(line) {
+            self.bar.status(&text);
+            self.bar.advance(1);
+        }
+    }
+
+    fn say(&self, text: &str) {
+        self.bar.suspend(|| self.console.say(text));
+    }
+}
+
 /// The clock, and where the run's zero is on it. A virtual run goes on a minute after it broke off.
-pub(crate) fn clock(
-    is_virtual: bool,
-    begun: bool,
-    first_utc: Option<Epoch>,
-    last_s: f64,
-) -> (DeviceClock, f64) {
+pub(crate) fn clock<L: LogLine>(is_virtual: bool, begun: Option<&Begun<L>>) -> (DeviceClock, f64) {
+    let last_s = begun.and_then(|begun| begun.lines.last()).map_or(0.0, LogLine::time_s);
     if is_virtual {
         let clock = VirtualClock::new();
-        if begun {
+        if begun.is_some() {
             clock.sleep(Duration::from_secs_f64((last_s + 60.0).max(0.0)));
         }
         // Any night will do, as long as the same run has the same times.
@@ -56,6 +138,7 @@ pub(crate) fn clock(
     }
     let clock = DeviceClock::live();
     let now_s = clock.clock.now().as_secs_f64();
+    let first_utc = begun.and_then(|begun| begun.first_utc);
     let elapsed_s = first_utc.map_or(0.0, |first| (clock.utc() - first).to_seconds().max(last_s));
     (clock, now_s - elapsed_s)
 }

@@ -3,7 +3,7 @@
 //! The run itself is [`sunglint_materials::goniometer`]'s; here are its devices, the person at the bench, and what is shown.
 
 use super::lab::{self, LabPage};
-use super::rig::{self, HOME, OPEN};
+use super::rig::{self, HOME, Live, OPEN};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
@@ -22,7 +22,6 @@ use sunglint_materials::goniometer::line::{BENCH, Begun, FILES, Line, Log, PLAN,
 use sunglint_materials::goniometer::measure::{Rig, done, measure};
 use sunglint_materials::goniometer::pose::Kinematics;
 use sunglint_materials::goniometer::tasks::{Part, Tasks, tasks};
-use sunglint_materials::log::{Watch, refuse_begun};
 use sunglint_materials::plan::{Planned, planned};
 use sunglint_materials::reading::State;
 use sunglint_materials::retro::measure::{Hands, HandsError};
@@ -71,9 +70,7 @@ fn document(args: &RunArgs, begun: Option<&Begun>, folder: &Path) -> anyhow::Res
             Usage(text.into()).into()
         });
     };
-    let lacks =
-        || format!("{}: {BENCH} is missing; the folder of a run holds it", folder.display());
-    let text = begun.file(BENCH).with_context(lacks)?;
+    let text = rig::kept(begun, BENCH, folder)?;
     if asked.is_some_and(|asked| asked.source() != text) {
         bail!(
             "the bench is not that with which the run in {} was begun (its {BENCH}): leave --bench out, the folder holds it",
@@ -94,61 +91,29 @@ fn virtual_text(args: &RunArgs, begun: Option<&Begun>) -> Option<String> {
 pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     let (folder, _) = rig::folder(&args.out, "run")?;
     let folder = folder.as_path();
-    if !args.resume {
-        refuse_begun::<Line>(folder)?;
-    }
-    let begun = args.resume.then(|| Begun::read(folder, &FILES)).transpose()?;
+    let begun: Option<Begun> =
+        rig::begun(folder, args.resume, &FILES, "it is read again", console)?;
     let plan_text = sunglint_formats::read::text(&args.plan)?;
     let (all, _) = planned(&args.plan, &ecsv::read_str(&args.plan, &plan_text)?)?;
     let document = document(args, begun.as_ref(), folder)?;
     let bench = Bench::new(&document, virtual_text(args, begun.as_ref()).as_deref())?;
     let options = bench.virtual_bench.as_ref().map(Options::read).transpose()?;
-    if let Some(begun) = &begun {
-        if begun.file(PLAN) != Some(plan_text.as_str()) {
-            bail!(
-                "{} is not the plan with which the run in {} was begun (its {PLAN}): go on with that one",
-                args.plan.display(),
-                folder.display()
-            );
-        }
-        if begun.torn_bytes > 0 {
-            console.warn(&format!(
-                "{}: a last line of {} bytes was cut off as it was written; it is read again",
-                folder.display(),
-                begun.torn_bytes
-            ));
-        }
+    if let Some(begun) = &begun
+        && begun.file(PLAN) != Some(plan_text.as_str())
+    {
+        bail!(
+            "{} is not the plan with which the run in {} was begun (its {PLAN}): go on with that one",
+            args.plan.display(),
+            folder.display()
+        );
     }
     let made = take(args, (&plan_text, &all), (&bench, options), folder, begun, console)?;
     console.result(&run_text(&made), &serde_json::to_value(&made)?)
 }
 
-/// Shows how a run goes.
-#[derive(Debug)]
-struct Live {
-    bar: Arc<Shown>,
-    console: Console,
-}
-
-struct Shown(Bar);
-
-impl std::fmt::Debug for Shown {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Shown")
-    }
-}
-
-impl Watch<Line> for Live {
-    fn line(&mut self, line: &Line) {
-        if line.state == State::Kept {
-            self.bar.0.status(&format!("{} {}", line.part.name(), line.number));
-            self.bar.0.advance(1);
-        }
-    }
-
-    fn say(&self, text: &str) {
-        self.bar.0.suspend(|| self.console.say(text));
-    }
+/// A line that ends a measurement, in words.
+fn step(line: &Line) -> Option<String> {
+    (line.state == State::Kept).then(|| format!("{} {}", line.part.name(), line.number))
 }
 
 /// A line of the run as the page shows it.
@@ -269,9 +234,7 @@ fn take(
         None => None,
         Some(options) => Some(VirtualGoniometer::new(options, read as u64)?),
     };
-    let last_s = before.last().map_or(0.0, |line| line.time_s);
-    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
-    let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.is_some(), first_utc, last_s);
+    let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
     let mut opened = open(bench, virtual_bench.as_ref(), &clock, &cancel)?;
     let devices = opened.describe(&clock)?;
@@ -287,17 +250,10 @@ fn take(
             all.len()
         );
     }
-    let mut log = match &begun {
-        None => {
-            let mut files = vec![(PLAN, plan_text), (BENCH, bench.source.as_str())];
-            files.extend(bench.virtual_bench.as_ref().map(|v| (VIRTUAL, v.source())));
-            Log::create(folder, &files, clock.clone())?
-        }
-        Some(begun) => Log::resume(folder, begun, clock.clone())?,
-    };
-    let what = if begun.is_some() { "resume" } else { "begin" };
-    log.write_event(what, json!({ "lines": before.len() }))?;
-    log.write_event("devices", devices.clone())?;
+    let virtual_text = bench.virtual_bench.as_ref().map(Document::source);
+    let files =
+        [(PLAN, Some(plan_text)), (BENCH, Some(bench.source.as_str())), (VIRTUAL, virtual_text)];
+    let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock.clone(), &devices)?;
     for what in missing {
         console.warn(&format!("not measured: {what}"));
     }
@@ -319,12 +275,12 @@ fn take(
         all_tasks.len(),
         hours(list.estimate_s * left as f64 / all_tasks.len() as f64)
     ));
-    let bar = Arc::new(Shown(Bar::new(console)));
-    bar.0.begin("run", Some(left as u64));
+    let bar = Arc::new(Bar::new(console));
+    bar.begin("run", Some(left as u64));
     let places = [all_tasks.len() as u64, finished as u64];
     let page =
         LabPage::start(args.page.as_deref(), folder, "angle of the detector", places, console)?;
-    let live = Box::new(Live { bar: bar.clone(), console });
+    let live = Box::new(Live { bar: bar.clone(), console, step });
     log.watch(LabPage::watch(page.as_ref(), live, reading, &cancel));
     let mut person = rig::Person { yes: args.yes, asking, console, words };
     let mut robot = virtual_bench.map(Robot);
@@ -342,7 +298,7 @@ fn take(
     if let Some(page) = &page {
         page.end(if result.is_ok() { "done" } else { "stopped" });
     }
-    bar.0.end();
+    bar.end();
     let kept = done(&log.lines);
     let measured = kept.iter().filter(|(part, _)| *part == Part::Direction).count();
     if let Err(error) = result {

@@ -1,7 +1,7 @@
 //! `sunglint efficiency linearity`: a detector's dead time from steps of light.
 
-use super::open::{self, Live};
-use crate::brdf::rig::{self, describe};
+use super::open;
+use crate::brdf::rig::{self, Live, describe};
 use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
@@ -18,8 +18,8 @@ use sunglint_detectors::linearity::{
 use sunglint_detectors::reading::Pace;
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{FilterWheel, PhotonCounter, Source};
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
-use sunglint_materials::log::refuse_begun;
 use sunglint_numerics::progress::Progress as _;
 use sunglint_report::linearity as report;
 use sunglint_virtual::counting::devices::VirtualCounting;
@@ -50,16 +50,12 @@ pub(super) fn run(args: &LinearityArgs, console: Console) -> anyhow::Result<()> 
     out.check_names(&results)?;
     let document = Document::read(&args.plan)?;
     let goes_on = args.resume || args.reduce;
-    if !goes_on {
-        refuse_begun::<Line>(folder)?;
-    }
-    let begun = goes_on.then(|| Begun::read(folder, &FILES)).transpose()?;
+    let begun: Option<Begun> =
+        rig::begun(folder, goes_on, &FILES, "it is measured again", console)?;
     let rig_text = begun.as_ref().and_then(|begun| begun.file(VIRTUAL_RIG));
     let plan = LinearityPlan::new(&document, rig_text)?;
     if let Some(begun) = &begun {
-        let text = begun.file(PLAN).with_context(|| {
-            format!("{}: {PLAN} is missing; the folder of a run holds it", folder.display())
-        })?;
+        let text = rig::kept(begun, PLAN, folder)?;
         let old = LinearityPlan::new(&Document::new(folder.join(PLAN), text)?, rig_text)?;
         if !old.same(&plan) {
             bail!(
@@ -67,13 +63,6 @@ pub(super) fn run(args: &LinearityArgs, console: Console) -> anyhow::Result<()> 
                 args.plan.display(),
                 folder.display()
             );
-        }
-        if begun.torn_bytes > 0 {
-            console.warn(&format!(
-                "{}: a last line of {} bytes was cut off as it was written; it is measured again",
-                folder.display(),
-                begun.torn_bytes
-            ));
         }
     }
     let lines = match begun {
@@ -141,9 +130,7 @@ fn take(
         None => None,
         Some(rig) => Some(VirtualCounting::new(Options::read(rig)?, before.len() as u64)?),
     };
-    let last_s = before.last().map_or(0.0, |line| line.time_s);
-    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
-    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.is_some(), first_utc, last_s);
+    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.as_ref());
     let pace = Pace { clock: clock.clone(), cancel };
     // A device that is not there leaves no run behind.
     let mut opened = open(plan, virtual_rig.as_ref(), &pace)?;
@@ -156,20 +143,12 @@ fn take(
         sources.push(describe(source.as_mut(), &pace.clock)?);
     }
     devices["sources"] = json!(sources);
-    let mut log = match &begun {
-        None => {
-            let mut files = vec![(PLAN, plan.source.as_str())];
-            files.extend(plan.rig.as_ref().map(|rig| (VIRTUAL_RIG, rig.source())));
-            Log::create(folder, &files, clock)?
-        }
-        Some(begun) => Log::resume(folder, begun, clock)?,
-    };
-    let what = if begun.is_some() { "resume" } else { "begin" };
-    log.write_event(what, json!({ "lines": before.len() }))?;
-    log.write_event("devices", devices)?;
+    let rig_text = plan.rig.as_ref().map(Document::source);
+    let files = [(PLAN, Some(plan.source.as_str())), (VIRTUAL_RIG, rig_text)];
+    let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock, &devices)?;
     let all = places(plan).len() * plan.repeats as usize;
     let left = all.saturating_sub(before.len());
-    console.say(&format!("{left} of {all} exposures are left"));
+    console.say(&format!("{left} of {} left", counted(all, "exposure")));
     let bar = Arc::new(Bar::new(console));
     bar.begin("run", Some(left as u64));
     let step = |line: &Line| Some(format!("light {}", line.number));
@@ -190,7 +169,8 @@ fn take(
         let (folder, kept) = (folder.display(), log.lines.len());
         return Err(anyhow!(error)).with_context(|| {
             format!(
-                "the run cannot go on; {kept} of {all} exposures are safe in {folder}: go on with --resume"
+                "the run cannot go on; {kept} of {} are safe in {folder}: go on with --resume",
+                counted(all, "exposure")
             )
         });
     }

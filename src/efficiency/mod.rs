@@ -8,6 +8,7 @@ use crate::output::{Console, OutputArgs};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use sunglint_calibration::efficiency::{EfficiencyRun, reduce_run};
+use sunglint_formats::text::counted;
 use sunglint_report::Product;
 use sunglint_report::efficiency as report;
 
@@ -76,9 +77,9 @@ fn finish(
     }
     if !found.left_out_nm.is_empty() {
         console.warn(&format!(
-            "{} of {} wavelengths are not in the curve for a station (no efficiency from 0 to 1)",
+            "{} of {} are not in the curve for a station (no efficiency from 0 to 1)",
             found.left_out_nm.len(),
-            found.efficiency.rows.len()
+            counted(found.efficiency.rows.len(), "wavelength")
         ));
     }
     let curves: Vec<(PathBuf, Vec<u8>)> = (out.folders().output.iter())

@@ -1,19 +1,14 @@
 //! Devices of a detector's rig, from their addresses.
 
 use crate::brdf::rig::{OPEN, device};
-use crate::output::Console;
-use crate::progress::Bar;
 use anyhow::{Context as _, bail};
-use std::sync::Arc;
 use sunglint_detectors::efficiency::{CounterPlan, Unit};
 use sunglint_detectors::reading::Pace;
 use sunglint_drivers::catalogue::AnyDevice;
 use sunglint_drivers::device::{
     FilterWheel, InBeam, Meter, Monochromator, PhotonCounter, PowerMeter, Source,
 };
-use sunglint_materials::log::Watch;
 use sunglint_materials::retro::measure::{Hands, HandsError};
-use sunglint_numerics::progress::Progress as _;
 use sunglint_virtual::counting::devices::VirtualCounting;
 
 /// Opens the device of an address; `key` names it in errors.
@@ -112,32 +107,5 @@ pub(super) fn words(place: InBeam) -> &'static str {
     match place {
         InBeam::Blocked => "close the shutter: no light on photodiode and detector",
         _ => "open the shutter",
-    }
-}
-
-/// Shows how a run goes.
-pub(super) struct Live<L> {
-    pub bar: Arc<Bar>,
-    pub console: Console,
-    /// What a line says, where it ends a step.
-    pub step: fn(&L) -> Option<String>,
-}
-
-impl<L> std::fmt::Debug for Live<L> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Live")
-    }
-}
-
-impl<L> Watch<L> for Live<L> {
-    fn line(&mut self, line: &L) {
-        if let Some(text) = (self.step)(line) {
-            self.bar.status(&text);
-            self.bar.advance(1);
-        }
-    }
-
-    fn say(&self, text: &str) {
-        self.bar.suspend(|| self.console.say(text));
     }
 }

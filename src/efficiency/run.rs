@@ -1,7 +1,7 @@
 //! `sunglint efficiency run`: a monochromator, a photodiode and a detector driven through a plan.
 
-use super::open::{self, AnyMeter, Live, Robot};
-use crate::brdf::rig::{self, describe};
+use super::open::{self, AnyMeter, Robot};
+use crate::brdf::rig::{self, Live, describe};
 use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
@@ -12,14 +12,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_calibration::efficiency::reduce_run;
 use sunglint_detectors::efficiency::{
-    Begun, FILES, Line, Log, PLAN, Part, RUN, Rig, RunPlan, VIRTUAL_RIG, done, measure, visits,
-    write,
+    Begun, Drift, FILES, Line, Log, Made, PLAN, Part, RUN, Rig, RunPlan, Step, VIRTUAL_RIG, done,
+    measure, visits, write,
 };
 use sunglint_detectors::reading::{Pace, Photodiode};
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{Device, FilterWheel, Monochromator, PhotonCounter};
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
-use sunglint_materials::log::refuse_begun;
 use sunglint_materials::reading::State;
 use sunglint_materials::retro::measure::Hands;
 use sunglint_numerics::progress::Progress as _;
@@ -55,22 +55,13 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     out.check_names(&results)?;
     let document = Document::read(&args.plan)?;
     let goes_on = args.resume || args.reduce;
-    if !goes_on {
-        refuse_begun::<Line>(folder)?;
-    }
-    let begun = goes_on.then(|| Begun::read(folder, &FILES)).transpose()?;
+    let begun: Option<Begun> =
+        rig::begun(folder, goes_on, &FILES, "its wavelength is read again", console)?;
     // A run goes on with the rig that it was begun with.
     let rig_text = begun.as_ref().and_then(|begun| begun.file(VIRTUAL_RIG));
     let plan = RunPlan::new(&document, rig_text)?;
     if let Some(begun) = &begun {
         check_same(args, &plan, begun, folder, rig_text)?;
-        if begun.torn_bytes > 0 {
-            console.warn(&format!(
-                "{}: a last line of {} bytes was cut off as it was written; its wavelength is read again",
-                folder.display(),
-                begun.torn_bytes
-            ));
-        }
     }
     let (lines, took_s) = match begun {
         Some(begun) if args.reduce => (begun.lines, 0.0),
@@ -83,7 +74,8 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     let planned = plan.measuring.wavelengths.len();
     let left = planned - made.steps;
     if left > 0 {
-        console.warn(&format!("{left} wavelengths are not measured yet: go on with --resume"));
+        let left = counted(left, "wavelength");
+        console.warn(&format!("{left} of {planned} not measured yet: go on with --resume"));
     }
     let found = reduce_run(&folder.join(RUN))?;
     let mut product = report::product(&found);
@@ -95,19 +87,43 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
         "took_s": took_s,
         "photodiode_noise": made.noise,
         "light_unrest": made.unrest,
-        "drift": made.drift.map(|drift| json!({
-            "readings": drift.readings,
-            "range": drift.range,
-            "relative_sigma": drift.relative_sigma,
-        })),
+        "lamp_range": made.lamp_range,
+        "drift": made.drift.as_ref().map(drift_json),
         "warnings": made.warnings,
     });
-    let mut text = report::text(&found);
-    if let Some(drift) = made.drift {
-        text +=
-            &format!("reference {} readings, range {:.2} %\n", drift.readings, 100.0 * drift.range);
+    if let (Some(drift), Some(figure)) = (&made.drift, &mut product.figure) {
+        let readings: Vec<(f64, f64, f64)> =
+            drift.points().iter().map(|p| (p.time_s, p.ln, p.sigma)).collect();
+        report::draw_reference(figure, &readings, &|time_s| drift.at(time_s).relative);
     }
+    let mut text = report::text(&found);
+    text += &reference(&made);
     super::finish(&out, &found, product, &text, console)
+}
+
+fn drift_json(drift: &Drift) -> Value {
+    let step = |step: &Step| json!({ "from_s": step.from_s, "to_s": step.to_s, "relative": step.relative });
+    json!({
+        "readings": drift.readings(),
+        "range": drift.range(),
+        "corrected": drift.is_corrected(),
+        "hidden": drift.hidden(),
+        "steps": drift.steps().iter().map(step).collect::<Vec<_>>(),
+    })
+}
+
+/// The reference as a line of the text.
+fn reference(made: &Made) -> String {
+    let Some(drift) = &made.drift else { return String::new() };
+    let (range, lamp) = (100.0 * drift.range(), 100.0 * made.lamp_range);
+    let then = match drift.is_corrected() {
+        true => "a drift, which is undone".to_owned(),
+        false => format!("no drift told; it may hide {:.2} %", 100.0 * drift.hidden()),
+    };
+    let readings = counted(drift.readings(), "reading");
+    format!(
+        "reference {readings}: efficiency within {range:.2} %, lamp within {lamp:.1} %; {then}\n"
+    )
 }
 
 /// Refuses to go on with another plan than that with which the run was begun.
@@ -118,9 +134,7 @@ fn check_same(
     folder: &Path,
     rig_text: Option<&str>,
 ) -> anyhow::Result<()> {
-    let text = begun.file(PLAN).with_context(|| {
-        format!("{}: {PLAN} is missing; the folder of a run holds it", folder.display())
-    })?;
+    let text = rig::kept(begun, PLAN, folder)?;
     // Its curves lie where the plan's do.
     let old = Document::new(args.plan.with_file_name(PLAN), text)?;
     let old = RunPlan::new(&old, rig_text)?;
@@ -209,29 +223,21 @@ fn take(
         None => None,
         Some(rig) => Some(VirtualCounting::new(Options::read(rig)?, read as u64)?),
     };
-    let last_s = before.last().map_or(0.0, |line| line.time_s);
-    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
-    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.is_some(), first_utc, last_s);
+    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.as_ref());
     let pace = Pace { clock: clock.clone(), cancel };
     // A device that is not there leaves no run behind.
     let mut opened = open(plan, virtual_rig.as_ref(), &pace)?;
     let devices = opened.describe(&pace)?;
-    let mut log = match &begun {
-        None => {
-            let mut files = vec![(PLAN, plan.source.as_str())];
-            files.extend(plan.rig.as_ref().map(|rig| (VIRTUAL_RIG, rig.source())));
-            Log::create(folder, &files, clock)?
-        }
-        Some(begun) => Log::resume(folder, begun, clock)?,
-    };
-    let what = if begun.is_some() { "resume" } else { "begin" };
-    log.write_event(what, json!({ "lines": before.len() }))?;
-    log.write_event("devices", devices)?;
+    let rig_text = plan.rig.as_ref().map(Document::source);
+    let files = [(PLAN, Some(plan.source.as_str())), (VIRTUAL_RIG, rig_text)];
+    let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock, &devices)?;
     let places = visits(&plan.measuring);
     let finished = done(before);
     let left = places.iter().filter(|v| !finished.contains(&(v.part, v.number))).count();
-    console
-        .say(&format!("{left} of {} places are left (dark, reference, wavelengths)", places.len()));
+    console.say(&format!(
+        "{left} of {} left (dark, reference, wavelengths)",
+        counted(places.len(), "place")
+    ));
     let bar = Arc::new(Bar::new(console));
     bar.begin("run", Some(left as u64));
     log.watch(Box::new(Live { bar: bar.clone(), console, step }));
@@ -265,8 +271,8 @@ fn take(
         let folder = folder.display();
         return Err(anyhow!(error)).with_context(|| {
             format!(
-                "the run cannot go on; {steps} of {} wavelengths are safe in {folder}: go on with --resume, or make the efficiency of them with --reduce",
-                plan.measuring.wavelengths.len()
+                "the run cannot go on; {steps} of {} are safe in {folder}: go on with --resume, or make the efficiency of them with --reduce",
+                counted(plan.measuring.wavelengths.len(), "wavelength")
             )
         });
     }

@@ -11,6 +11,7 @@ use crate::curves::{Curves, GAP_S};
 use crate::series::{Series, SeriesError};
 use crate::spin::by_pass;
 use crate::synodic::{Bisectors, Sidereal};
+use sunglint_formats::text::counted;
 use sunglint_numerics::progress::Progress;
 
 /// Frequencies of the periodograms at most: every k-th where the search has more.
@@ -204,7 +205,8 @@ where
         None => asked,
         Some(Without { series, verdict, flashes, left_out }) => {
             warnings.push(format!(
-                "{left_out} samples stand alone, far from their neighbours, and do not come again: left out"
+                "{} alone, far from all neighbours, with nothing alike a turn later: left out",
+                counted(left_out, "sample")
             ));
             Asked { series, verdict, flashes, ..asked }
         }
@@ -308,8 +310,9 @@ impl FoundPeriod {
             let odd = series.left_out;
             if odd.same_time > 0 {
                 self.warnings.push(format!(
-                    "{}: {} samples share their time with another: all are used",
-                    series.name, odd.same_time
+                    "{}: {} at the time of another: all are used",
+                    series.name,
+                    counted(odd.same_time, "sample")
                 ));
             }
             if !series.is_weighted && !series.is_empty() {

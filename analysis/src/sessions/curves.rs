@@ -5,6 +5,7 @@ use super::verdict::{Options, SessionPeriods, SessionsError, search};
 use crate::curves::Curves;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use sunglint_formats::text::counted;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::TOLERATED;
 
@@ -132,8 +133,10 @@ pub fn find_over_sessions(
     let mut found = search(&sessions, options, progress)?;
     let mut warnings = curves.warnings.clone();
     if lost > 0 {
-        warnings
-            .push(format!("{lost} samples have no light above 0 and so no magnitude: left out"));
+        warnings.push(format!(
+            "{} without light above 0, and so without a magnitude: left out",
+            counted(lost, "sample")
+        ));
     }
     warnings.append(&mut found.warnings);
     found.warnings = warnings;

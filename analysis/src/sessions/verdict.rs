@@ -6,6 +6,7 @@ use crate::period::FrequencyGrid;
 use crate::period::sums::turns;
 use serde::Serialize;
 use std::ops::Range;
+use sunglint_formats::text::counted;
 use sunglint_numerics::measured::{Interval, pair};
 use sunglint_numerics::order::{median, robust_sigma};
 use sunglint_numerics::progress::{Cancelled, Progress};
@@ -509,18 +510,22 @@ pub fn search(
     answer.samples = rows.len();
     for session in found.iter().filter(|s| s.samples < LEAST_SAMPLES) {
         answer.warnings.push(format!(
-            "left out: {}: {} samples, a session needs {LEAST_SAMPLES}",
-            session.name, session.samples
+            "left out: {}: {}, a session needs {LEAST_SAMPLES}",
+            session.name,
+            counted(session.samples, "sample")
         ));
     }
     answer.sessions = found;
     if doubled > 0 {
         answer.warnings.push(format!(
-            "{doubled} samples share their time with another of their session: all are used"
+            "{} at the time of another of their session: all are used",
+            counted(doubled, "sample")
         ));
     }
     if not_finite > 0 {
-        answer.warnings.push(format!("{not_finite} samples have no number: left out"));
+        answer
+            .warnings
+            .push(format!("{} without a number: left out", counted(not_finite, "sample")));
     }
     let number = rows.sessions.len();
     if rows.len() <= needed(number) {

@@ -48,6 +48,8 @@ bitflags::bitflags! {
         const EXTRAPOLATED = 1 << 9;
         /// No filter kept the grating's second order away.
         const SECOND_ORDER = 1 << 10;
+        /// The rig changed suddenly about this reading.
+        const DRIFT_STEP = 1 << 11;
     }
 }
 
@@ -70,8 +72,12 @@ pub struct Reading {
     pub dark_counts: f64,
     /// In this time, s.
     pub dark_exposure_s: f64,
-    /// Relative standard uncertainty by what a reference wavelength drifted between its readings.
+    /// Relative change of the efficiency by a drift of the rig since its begin: it is undone.
     pub drift_relative: f64,
+    /// Relative standard uncertainty of that change.
+    pub sigma_drift_relative: f64,
+    /// Whether the rig changed suddenly about this reading.
+    pub drift_step: bool,
     /// Whether the grating's second order may be in the light.
     pub second_order: bool,
 }
@@ -260,6 +266,10 @@ pub struct Note {
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { flag, range_nm: (from, to), count, largest } = self;
+        let at = match count {
+            1 => format!("wavelength, {from} nm"),
+            _ => format!("wavelengths from {from} to {to} nm"),
+        };
         let what = match *flag {
             EfficiencyFlags::SATURATED => "the sensor is saturated: less light, or a denser filter",
             EfficiencyFlags::NO_LIGHT => "the photodiode saw no light: no efficiency there",
@@ -267,7 +277,7 @@ impl fmt::Display for Note {
             EfficiencyFlags::ABOVE_ONE => {
                 return write!(
                     f,
-                    "{count} wavelengths from {from} to {to} nm: more counts than photons, η up to {largest:.4}: look at areas, distances, filters, load and responsivity; nothing is clipped"
+                    "{count} {at}: more counts than photons, η up to {largest:.4}: look at areas, distances, filters, load and responsivity; nothing is clipped"
                 );
             }
             EfficiencyFlags::BELOW_DETECTION => "η is below 3 standard deviations",
@@ -277,12 +287,15 @@ impl fmt::Display for Note {
             EfficiencyFlags::EXTRAPOLATED => {
                 "beyond the photodiode's table its responsivity is that of the stated law"
             }
+            EfficiencyFlags::DRIFT_STEP => {
+                "the rig changed suddenly about these readings: half of that change is their uncertainty; read them again"
+            }
             EfficiencyFlags::SECOND_ORDER => {
                 "no filter kept the grating's second order away: light of half the wavelength may be in both readings"
             }
             _ => "readings of one wavelength disagree: their uncertainty was made larger by that",
         };
-        write!(f, "{count} wavelengths from {from} to {to} nm: {what}")
+        write!(f, "{count} {at}: {what}")
     }
 }
 

@@ -103,8 +103,11 @@ fn check_reading(set: usize, reading: usize, r: &Reading) -> Result<(), Efficien
     if r.sigma_v.is_nan() || r.sigma_v < 0.0 {
         return bad("sigma_photodiode_v", r.sigma_v, "a number of 0 or above");
     }
-    if r.drift_relative.is_nan() || r.drift_relative < 0.0 {
-        return bad("sigma_drift_relative", r.drift_relative, "a number of 0 or above");
+    if !(r.drift_relative.is_finite() && r.drift_relative > -1.0) {
+        return bad("drift_relative", r.drift_relative, "a number above -1");
+    }
+    if r.sigma_drift_relative.is_nan() || r.sigma_drift_relative < 0.0 {
+        return bad("sigma_drift_relative", r.sigma_drift_relative, "a number of 0 or above");
     }
     Ok(())
 }
@@ -199,6 +202,7 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
         flags: EfficiencyFlags::empty(),
     };
     row.flags.set(EfficiencyFlags::SECOND_ORDER, r.second_order);
+    row.flags.set(EfficiencyFlags::DRIFT_STEP, r.drift_step);
     let read = [r.photodiode_v, r.photodiode_dark_v, r.counts, r.dark_counts];
     if read.iter().any(|x| !x.is_finite()) {
         row.flags |= EfficiencyFlags::MISSING;
@@ -220,19 +224,21 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
     if no_light || row.flags.contains(EfficiencyFlags::SATURATED) || row.rate_hz.is_nan() {
         return row;
     }
-    row.efficiency = row.rate_hz / row.photons_hz;
+    // Photons that would give as many counts at the run's begin.
+    let photons_hz = row.photons_hz * (1.0 + r.drift_relative);
+    row.efficiency = row.rate_hz / photons_hz;
     let eta = row.efficiency.abs();
     row.components = Components {
-        counts: on.sigma_hz.hypot(off.sigma_hz) / row.photons_hz,
+        counts: on.sigma_hz.hypot(off.sigma_hz) / photons_hz,
         photodiode: eta * r.sigma_v / volts,
         wavelength: 0.0,
         // The same dead time with light and in the dark.
-        linearity: (on.linearity_hz - off.linearity_hz).abs() / row.photons_hz,
+        linearity: (on.linearity_hz - off.linearity_hz).abs() / photons_hz,
         responsivity: eta * way.responsivity,
         load: eta * set.photodiode.load_relative_sigma,
         geometry: eta * way.geometry,
         transmissions: eta * way.transmissions,
-        drift: eta * r.drift_relative,
+        drift: eta * r.sigma_drift_relative,
     };
     let own = row.components.own();
     row.flags.set(EfficiencyFlags::NEGATIVE, row.efficiency < 0.0);

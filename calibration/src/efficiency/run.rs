@@ -183,6 +183,7 @@ enum DeadTimeModel {
     None,
     NonParalysable,
     Paralysable,
+    ExponentialRecovery,
     MultiPixel,
     Table,
 }
@@ -313,12 +314,14 @@ fn dead_time(
         document.error_at(&format!("sensor.{key}"), expected).into()
     };
     let Some(model) = file.dead_time_model else {
-        let expected = "none, non_paralysable, paralysable, multi_pixel or table";
+        let expected =
+            "none, non_paralysable, paralysable, exponential_recovery, multi_pixel or table";
         return Err(need("dead_time_model", expected));
     };
     let wanted: &[&str] = match model {
         DeadTimeModel::None => &[],
         DeadTimeModel::NonParalysable | DeadTimeModel::Paralysable => &["dead_time_ns"],
+        DeadTimeModel::ExponentialRecovery => &["dead_time_ns", "recovery_ns"],
         DeadTimeModel::MultiPixel => &["pixels", "recovery_ns", "pulse_ns"],
         DeadTimeModel::Table => &["linearity"],
     };
@@ -337,13 +340,17 @@ fn dead_time(
         }
     }
     let dead_time_s = 1e-9 * file.dead_time_ns.map_or(0.0, Positive::get);
+    let recovery_s = 1e-9 * file.recovery_ns.map_or(0.0, Positive::get);
     Ok(match model {
         DeadTimeModel::None => DeadTime::None,
         DeadTimeModel::NonParalysable => DeadTime::NonParalysable { dead_time_s },
         DeadTimeModel::Paralysable => DeadTime::Paralysable { dead_time_s },
+        DeadTimeModel::ExponentialRecovery => {
+            DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
+        }
         DeadTimeModel::MultiPixel => DeadTime::MultiPixel {
             pixels: file.pixels.unwrap_or_default(),
-            recovery_s: 1e-9 * file.recovery_ns.map_or(0.0, Positive::get),
+            recovery_s,
             pulse_s: 1e-9 * file.pulse_ns.map_or(0.0, NonNegative::get),
         },
         DeadTimeModel::Table => {
@@ -477,7 +484,7 @@ fn factor(
 }
 
 /// The readings of a table: `wavelength_nm`, `photodiode_v`, `counts`, `exposure_s`, and where they are there `photodiode_dark_v`, `sigma_photodiode_v`, `dark_counts`,
-/// `dark_exposure_s`, `sigma_drift_relative`, `second_order`.
+/// `dark_exposure_s`, `drift_relative`, `sigma_drift_relative`, `drift_step`, `second_order`.
 fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableError> {
     let has = |name: &str| table.columns.iter().any(|column| column.name == name);
     let optional =
@@ -491,7 +498,9 @@ fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableErr
     let dark_counts = if has("dark_counts") { Some(table.f64("dark_counts")?) } else { None };
     let dark_exposure = optional("dark_exposure_s", "s")?;
     let number = |name: &'static str| has(name).then(|| table.f64(name)).transpose();
-    let drift = number("sigma_drift_relative")?;
+    let drift = number("drift_relative")?;
+    let sigma_drift = number("sigma_drift_relative")?;
+    let drift_step = number("drift_step")?;
     let second_order = number("second_order")?;
     let one = |row: usize| Reading {
         wavelength_nm: wavelength[row],
@@ -503,6 +512,8 @@ fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableErr
         dark_counts: dark_counts.as_ref().map_or(0.0, |v| v[row]),
         dark_exposure_s: dark_exposure.as_ref().map_or(exposure[row], |v| v[row]),
         drift_relative: drift.as_ref().map_or(0.0, |v| v[row]),
+        sigma_drift_relative: sigma_drift.as_ref().map_or(0.0, |v| v[row]),
+        drift_step: drift_step.as_ref().is_some_and(|v| v[row] != 0.0),
         second_order: second_order.as_ref().is_some_and(|v| v[row] != 0.0),
     };
     Ok((0..table.rows()).map(one).collect())

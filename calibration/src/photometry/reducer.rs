@@ -110,8 +110,19 @@ impl FrameReducer {
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
         let detection = self.detect(frame, expected)?;
+        self.measure_found(frame, expected, &detection)
+    }
+
+    /// Measures a frame whose sources were looked for.
+    pub(crate) fn measure_found(
+        &mut self,
+        frame: &Frame,
+        expected: &Expected,
+        detection: &Detection,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        self.keep_offset(frame, expected, detection);
         self.tally.frames += 1;
-        self.count(&detection);
+        self.count(detection);
         let Some(target) = detection.target.map(|t| detection.candidates[t]) else {
             self.tally.undetected += 1;
             let planes =
@@ -196,14 +207,33 @@ impl FrameReducer {
         frame: &Frame,
         expected: &Expected,
     ) -> Result<Detection, PhotometryError> {
+        let mut detector = std::mem::take(&mut self.detector);
+        let detection = self.sources(frame, expected, &mut detector);
+        self.detector = detector;
+        let detection = detection?;
+        self.keep_offset(frame, expected, &detection);
+        Ok(detection)
+    }
+
+    /// The sources of a frame, and nothing is kept of it: for frames side by side.
+    pub(crate) fn sources(
+        &self,
+        frame: &Frame,
+        expected: &Expected,
+        detector: &mut Detector,
+    ) -> Result<Detection, PhotometryError> {
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
         let sought = sought(frame, &self.options, expected, self.last_offset_px);
-        let detection = self.detector.find(&reading, &sought, &setting);
+        Ok(detector.find(&reading, &sought, &setting))
+    }
+
+    /// Keeps how far from its expected place the target is: the next one is looked for there first.
+    fn keep_offset(&mut self, frame: &Frame, expected: &Expected, detection: &Detection) {
         if let Some(target) = detection.target.and_then(|t| detection.candidates.get(t)) {
+            let sought = sought(frame, &self.options, expected, self.last_offset_px);
             let [dx, dy] = [0, 1].map(|i| target.place_px[i] - sought.place_px[i]);
             self.last_offset_px = dx.hypot(dy);
         }
-        Ok(detection)
     }
 
     /// The trail of the aperture: none where it is shorter than half a point's width.

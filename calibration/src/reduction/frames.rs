@@ -8,15 +8,17 @@ use super::sky::Body;
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError,
-    PhotometryOptions, Scintillation, SigmaParts, Tally,
+    Colour, Detection, Detector as SourceDetector, Expected, FrameCalibration, FrameMeasurement,
+    FrameReducer, PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
 use glam::DVec2;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::sync_channel;
+use std::sync::{Mutex, PoisonError};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
 use sunglint_numerics::measured::Interval;
@@ -30,6 +32,8 @@ use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
 const SETTINGS: usize = 16;
 /// Frames that were read and wait to be measured at most.
 const WAITING: usize = 4;
+/// Frames in which sources are looked for side by side: a number of its own, so that results do not depend on the machine. Each expects the target as far off as before the first of them.
+const SIDE_BY_SIDE: usize = 8;
 
 /// Results from the frames of a camera.
 #[derive(Debug)]
@@ -295,71 +299,97 @@ pub fn camera_night(
             order.iter().filter(|i| on_target(i).is_some()).map(|i| &files[*i]).collect();
         // One thread reads while another measures. After a failure nobody waits for frames any more.
         scope.spawn(move || wanted.iter().all(|file| sender.send(file.read()).is_ok()));
-        for &i in &order {
-            let file = &files[i];
-            step(progress, 1)?;
-            let Some(stay) = on_target(&i) else {
-                night.outside += 1;
-                continue;
-            };
-            let mut expected =
-                Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
-            let mut refused = by_hand.refused.contains(&i);
-            let read = ahead.recv().unwrap_or_else(|_| file.read());
-            let measured = match read {
-                Ok(frame) => {
+        let mut order = order.iter().copied().peekable();
+        loop {
+            let mut batch: Vec<Ahead> = Vec::new();
+            while let Some(&i) = order.peek() {
+                let Some(stay) = on_target(&i) else {
+                    step(progress, 1)?;
+                    night.outside += 1;
+                    order.next();
+                    continue;
+                };
+                // What is followed from a place is measured one by one.
+                let followed = by_hand.first.contains_key(&stay);
+                let goes_on = batch.first().is_none_or(|first| first.stay == stay && !followed);
+                if !goes_on || batch.len() == SIDE_BY_SIDE {
+                    break;
+                }
+                step(progress, 1)?;
+                order.next();
+                let file = &files[i];
+                let read = ahead.recv().unwrap_or_else(|_| file.read());
+                let airmass = zeniths[i].and_then(airmass);
+                let mut one = Ahead {
+                    file: i,
+                    stay,
+                    frame: read.map_err(|error| error.to_string()),
+                    expected: Expected { airmass, ..Expected::default() },
+                    refused: by_hand.refused.contains(&i),
+                    held: 0,
+                };
+                if let Ok(frame) = &one.frame {
                     let dark = [TargetKind::Dark, TargetKind::Bias].map(Some);
-                    if dark.contains(&said_kind(&frame)) {
-                        refused = true;
+                    if dark.contains(&said_kind(frame)) {
+                        one.refused = true;
                         night.without_light += 1;
                     }
                     let within_px = by_hand.first.get(&stay).map(|first| {
-                        let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
+                        let placed = Placed { sensor_px: options.sensor_px, frame };
                         let place =
                             following.place(stay, i < *first, by_hand.places.get(&i), placed);
-                        expected.place_px = place.map(DVec2::from);
+                        one.expected.place_px = place.map(DVec2::from);
                         most_px
                     });
-                    let how = match refused {
-                        true => Measuring::Refused,
-                        false => Measuring::Around(&expected, within_px),
-                    };
-                    match reducers.measure(&frame, stay, night.fwhm_px[stay], how)? {
+                    let fwhm_px = night.fwhm_px[stay];
+                    one.held = reducers.ready(frame, stay, fwhm_px, one.refused, within_px)?;
+                }
+                batch.push(one);
+            }
+            if batch.is_empty() {
+                break;
+            }
+            let sources = reducers.sources(&batch);
+            for (one, sources) in batch.into_iter().zip(sources) {
+                let Ahead { file: i, stay, expected, refused, held, frame } = one;
+                seen[stay] += 1;
+                let measured = frame.and_then(|frame| {
+                    match reducers.measure(held, &frame, &expected, sources) {
                         Ok(measured) => Ok((frame, measured)),
                         Err(error) => Err(error.to_string()),
                     }
+                });
+                let (frame, mut measured) = match measured {
+                    Ok(measured) => measured,
+                    Err(error) => {
+                        failed.push((files[i].clone(), error));
+                        continue;
+                    }
+                };
+                if let Some(place) = &measured.track.place {
+                    following.last_px = Some(place.offset_px.to_array());
                 }
-                Err(error) => Err(error.to_string()),
-            };
-            if let Ok((_, FrameMeasurement { track, .. })) = &measured
-                && let Some(place) = &track.place
-            {
-                following.last_px = Some(place.offset_px.to_array());
-            }
-            match measured {
-                Ok((frame, mut measured)) => {
-                    if frame.header.get(SHARED).is_some() {
-                        night.shared += 1;
-                        measured.planes.iter_mut().for_each(|plane| plane.flags |= Flags::SHARED);
-                    }
-                    let end = frame.start + frame.exposure_s * Unit::Second;
-                    if end > stays[stay].to {
-                        night.partly += 1;
-                        off_target(&mut measured);
-                    } else if !refused {
-                        night.tracks[stay].points.push(measured.track);
-                    }
-                    // Spread over the stay, so that a figure shows its course.
-                    let due = night.shown[stay].len() < SHOWN;
-                    if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
-                        night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
-                    }
-                    let setting = reducers.setting(&Taken::of(&frame));
-                    rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
+                if frame.header.get(SHARED).is_some() {
+                    night.shared += 1;
+                    measured.planes.iter_mut().for_each(|plane| plane.flags |= Flags::SHARED);
                 }
-                Err(error) => failed.push((file.clone(), error)),
+                let end = frame.start + frame.exposure_s * Unit::Second;
+                if end > stays[stay].to {
+                    night.partly += 1;
+                    off_target(&mut measured);
+                } else if !refused {
+                    night.tracks[stay].points.push(measured.track);
+                }
+                // Spread over the stay, so that a figure shows its course.
+                let due = night.shown[stay].len() < SHOWN;
+                let before = seen[stay] - 1;
+                if due && before * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
+                    night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
+                }
+                let setting = reducers.setting(&Taken::of(&frame));
+                rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
             }
-            seen[stay] += 1;
+            reducers.let_go();
         }
         Ok(())
     })?;
@@ -540,13 +570,18 @@ impl Following {
     }
 }
 
-/// Choices by which a frame is measured.
-#[derive(Clone, Copy)]
-enum Measuring<'a> {
-    /// Not at all.
-    Refused,
-    /// Around an expected place, at most so far from it where the target is followed.
-    Around(&'a Expected, Option<f64>),
+/// A frame that was read and is not measured yet.
+#[derive(Debug)]
+struct Ahead {
+    /// Index among the files.
+    file: usize,
+    stay: usize,
+    frame: Result<Frame, String>,
+    expected: Expected,
+    /// Whether it is not measured at all.
+    refused: bool,
+    /// Place of the reducer.
+    held: usize,
 }
 
 /// A frame that was measured.
@@ -600,8 +635,11 @@ struct Reducers<'a> {
     options: PhotometryOptions,
     sensor: Sensor<'a>,
     camera: &'a str,
-    /// The latest last.
     held: Vec<Held>,
+    /// Frames so far.
+    frames: u64,
+    /// Detectors that nobody uses at the moment.
+    detectors: Mutex<Vec<SourceDetector>>,
     /// All settings so far.
     settings: Vec<Taken>,
     tally: Tally,
@@ -624,6 +662,8 @@ struct Held {
     taken: Taken,
     reducer: FrameReducer,
     stay: usize,
+    /// The number of the last frame that it was for.
+    last: u64,
 }
 
 impl<'a> Reducers<'a> {
@@ -642,6 +682,8 @@ impl<'a> Reducers<'a> {
             sensor,
             camera,
             held: Vec::new(),
+            frames: 0,
+            detectors: Mutex::default(),
             settings: Vec::new(),
             tally: Tally::default(),
             bad_pixels: 0,
@@ -670,14 +712,15 @@ impl<'a> Reducers<'a> {
         }
     }
 
-    /// Measures a frame; the outer error ends the night's reduction.
-    fn measure(
+    /// Makes a reducer ready for a frame; gives its place, which holds until [`Reducers::let_go`].
+    fn ready(
         &mut self,
         frame: &Frame,
         stay: usize,
         fwhm_px: f64,
-        how: Measuring<'_>,
-    ) -> Result<Result<FrameMeasurement, PhotometryError>, ReduceError> {
+        refused: bool,
+        within_px: Option<f64>,
+    ) -> Result<usize, ReduceError> {
         let taken = Taken::of(frame);
         if !self.filters.is_empty()
             && !taken.filter.as_ref().is_some_and(|f| self.filters.contains(f))
@@ -686,8 +729,8 @@ impl<'a> Reducers<'a> {
             *self.unknown.entry(name).or_default() += 1;
         }
         let found = self.held.iter().position(|held| held.taken.is_like(&taken));
-        let mut held = match found {
-            Some(place) => self.held.remove(place),
+        let place = match found {
+            Some(place) => place,
             None => {
                 if !self.settings.iter().any(|known| known.is_like(&taken)) {
                     self.settings.push(taken.clone());
@@ -697,26 +740,59 @@ impl<'a> Reducers<'a> {
                 let bad = calibration.bad.as_ref().map_or(0, bad_count);
                 self.bad_pixels = self.bad_pixels.max(bad);
                 let reducer = FrameReducer::new(self.options.clone(), calibration)?;
-                Held { taken, reducer, stay: usize::MAX }
+                self.held.push(Held { taken, reducer, stay: usize::MAX, last: 0 });
+                self.held.len() - 1
             }
         };
+        self.frames += 1;
+        let held = &mut self.held[place];
+        held.last = self.frames;
         if held.stay != stay {
             held.reducer.set_fwhm_px(fwhm_px)?;
-            if let Measuring::Around(_, within_px) = how {
+            if !refused {
                 let usual = self.options.detection.max_offset_px;
                 held.reducer.set_max_offset_px(within_px.unwrap_or(usual))?;
                 held.stay = stay;
             }
         }
-        let measured = match how {
-            Measuring::Refused => Ok(held.reducer.unmeasured(frame, Flags::GAP)),
-            Measuring::Around(expected, _) => held.reducer.measure(frame, expected),
+        Ok(place)
+    }
+
+    /// Looks for the sources of frames, side by side; none of what is not measured.
+    fn sources(&self, batch: &[Ahead]) -> Vec<Option<Result<Detection, PhotometryError>>> {
+        let of = |one: &Ahead| {
+            let frame = one.frame.as_ref().ok().filter(|_| !one.refused)?;
+            let spare = || self.detectors.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut detector = spare().pop().unwrap_or_default();
+            let found = self.held[one.held].reducer.sources(frame, &one.expected, &mut detector);
+            spare().push(detector);
+            Some(found)
         };
-        self.held.push(held);
-        if self.held.len() > SETTINGS {
-            self.tally += self.held.remove(0).reducer.tally();
+        batch.par_iter().map(of).collect()
+    }
+
+    /// Measures a frame by its sources; without any it is not measured.
+    fn measure(
+        &mut self,
+        held: usize,
+        frame: &Frame,
+        expected: &Expected,
+        sources: Option<Result<Detection, PhotometryError>>,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        let reducer = &mut self.held[held].reducer;
+        match sources {
+            None => Ok(reducer.unmeasured(frame, Flags::GAP)),
+            Some(sources) => reducer.measure_found(frame, expected, &sources?),
         }
-        Ok(measured)
+    }
+
+    /// Lets go of reducers that were not used for long, where there are many.
+    fn let_go(&mut self) {
+        while self.held.len() > SETTINGS {
+            let oldest = (0..self.held.len()).min_by_key(|place| self.held[*place].last);
+            let Some(oldest) = oldest else { break };
+            self.tally += self.held.remove(oldest).reducer.tally();
+        }
     }
 
     /// Number of a setting among those that were measured.

@@ -6,7 +6,7 @@ use super::visits::{RESUMED, Visit, dark, reference};
 use crate::reading::{Pace, Photodiode, RunError};
 use std::collections::HashSet;
 use sunglint_drivers::device::{FilterWheel, InBeam, Monochromator, PhotonCounter};
-use sunglint_materials::log::Record;
+use sunglint_materials::log::{self, Record};
 use sunglint_materials::reading::State;
 use sunglint_materials::retro::measure::Hands;
 
@@ -47,12 +47,7 @@ pub fn measure(
     record: &mut dyn Record<Line>,
 ) -> Result<(), RunError> {
     let result = all(rig, plan, visits, before, zero_s, record);
-    let synced = record.sync();
-    if let Err(error) = &result {
-        // The first error is the one that counts.
-        let _ = record.event(&error.to_string());
-    }
-    result.and(synced.map_err(RunError::Record))
+    log::end(record, result)
 }
 
 fn all(

@@ -4,6 +4,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::path::PathBuf;
 use sunglint_calibration::efficiency::{EfficiencyRunError, check_run};
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::{Document, NonNegative, Positive};
 use sunglint_formats::{FileError, ParseError};
 
@@ -29,7 +30,8 @@ pub enum PlanError {
     },
     /// Second-order light without a filter.
     #[error(
-        "{file}: at {count} wavelengths from {from_nm} to {to_nm} nm light of half the wavelength comes, too (the shortest is scan.shortest_light_nm = {shortest_nm} nm), and no slot of the wheel blocks it: add a [[wheel.filter]] with blocks_below_nm above half the wavelength, scan less far, or say scan.second_order = \"flag\" to have them marked"
+        "{file}: at {} from {from_nm} to {to_nm} nm light of half the wavelength comes, too (the shortest is scan.shortest_light_nm = {shortest_nm} nm), and no slot of the wheel blocks it: add a [[wheel.filter]] with blocks_below_nm above half the wavelength, scan less far, or say scan.second_order = \"flag\" to have them marked",
+        counted(*count, "wavelength")
     )]
     SecondOrder {
         /// The plan.

@@ -3,6 +3,7 @@
 //! Each wavelength becomes one row: the sum of its counts, and the mean of the photodiode's readings about them, each exposure between two. The photodiode's noise is that of all readings of the
 //! run, additive and relative: a few readings at one wavelength do not tell it. What exposures scatter more than photons and noise is the light's own unrest, and widens the row.
 
+use super::drift::{Change, Drift, Point, SEEN};
 use super::line::{Line, Part, What};
 use super::plan::RunPlan;
 use std::collections::BTreeMap;
@@ -11,9 +12,11 @@ use std::path::{Path, PathBuf};
 use sunglint_calibration::efficiency::{
     EfficiencyError, EfficiencyRunError, Set, read_run, reduce,
 };
+use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_materials::reading::State;
+use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// The file for the reduction, in the run's folder.
 pub const RUN: &str = "efficiency.toml";
@@ -21,8 +24,8 @@ pub const RUN: &str = "efficiency.toml";
 pub(super) const STEPS: &str = "steps.csv";
 /// Readings of the reference, in the run's folder.
 const REFERENCE: &str = "reference.csv";
-/// Standard deviations of χ² from which on something is seen.
-const SEEN: f64 = 3.0;
+/// Standard deviations by which the light changes suddenly from a reading of the photodiode to the next.
+const SUDDEN: f64 = 5.0;
 
 /// Why there are no tables.
 #[derive(Debug, thiserror::Error)]
@@ -45,17 +48,6 @@ pub enum TableError {
     Number(#[from] EfficiencyError),
 }
 
-/// Change of the rig between readings of its reference wavelength.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drift {
-    /// Readings of the reference.
-    pub readings: usize,
-    /// Largest less least efficiency there, over their mean.
-    pub range: f64,
-    /// Relative standard uncertainty that it adds; 0 where no drift is told from the readings' own scatter.
-    pub relative_sigma: f64,
-}
-
 /// Tables of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Made {
@@ -67,6 +59,8 @@ pub struct Made {
     pub reference: Option<String>,
     /// Drift, with two readings of the reference or more.
     pub drift: Option<Drift>,
+    /// Largest less least light of the photodiode at the reference, over the mean: that of the lamp, which is in no efficiency.
+    pub lamp_range: f64,
     /// Standard deviation of one reading of the photodiode in the dark, in its unit.
     pub noise: f64,
     /// Relative standard deviation of the light from exposure to exposure, beyond photons and noise; 0 where none is seen.
@@ -88,6 +82,8 @@ struct Place {
     /// Counts and lengths, s, of the exposures.
     exposures: Vec<(f64, f64)>,
     is_over: bool,
+    /// Largest sudden change of the light from a point to the next, relative; 0 without.
+    jump: f64,
 }
 
 impl Place {
@@ -120,7 +116,19 @@ impl Place {
             readings: points.into_values().collect(),
             exposures: exposures.into_values().collect(),
             is_over,
+            jump: 0.0,
         })
+    }
+
+    /// Relative change of the light from each point to the next, and its variance by noise.
+    fn changes(&self, noise: Noise) -> Vec<(f64, f64)> {
+        let light = self.light();
+        let pairs = self.points.windows(2).zip(self.readings.windows(2));
+        let of = |(points, readings): (&[f64], &[Vec<f64>])| {
+            let share = 1.0 / readings[0].len() as f64 + 1.0 / readings[1].len() as f64;
+            ((points[1] - points[0]) / light, noise.variance(light) * share / (light * light))
+        };
+        pairs.map(of).collect()
     }
 
     /// Weight of each point in the mean light of the exposures.
@@ -279,10 +287,27 @@ impl Darks {
     }
 }
 
+/// Sees where the light changed suddenly between two points of a place: the exposure between them had some of both.
+fn sudden_light(places: &mut [Place], noise: Noise) {
+    let lit = |p: &&mut Place| p.part != Part::Dark && !p.points.is_empty();
+    let all: Vec<f64> = (places.iter_mut().filter(lit))
+        .flat_map(|p| p.changes(noise))
+        .map(|(change, _)| change.abs())
+        .collect();
+    let usual = SIGMA_PER_MAD * median(all).unwrap_or(0.0);
+    for place in places.iter_mut().filter(lit) {
+        let largest = (place.changes(noise).into_iter())
+            .filter(|(change, variance)| change.abs() > SUDDEN * variance.sqrt().hypot(usual))
+            .map(|(change, _)| change);
+        place.jump = largest.fold(0.0, |most: f64, c| if c.abs() > most.abs() { c } else { most });
+    }
+}
+
 /// Relative variance of the light from exposure to exposure beyond photons and noise; 0 where none is seen.
 fn unrest(places: &[Place], noise: Noise, darks: &Darks) -> f64 {
     let (mut chi2, mut freedom, mut beyond, mut number) = (0.0, 0.0, 0.0, 0.0);
-    for place in places.iter().filter(|p| p.part != Part::Dark && p.points.len() > 2) {
+    let calm = |p: &&Place| p.part != Part::Dark && p.points.len() > 2 && p.jump == 0.0;
+    for place in places.iter().filter(calm) {
         let dark = darks.photodiode(place.time_s).0;
         let light = place.light() - dark;
         let sigma2 = noise.variance(place.light());
@@ -313,16 +338,17 @@ fn unrest(places: &[Place], noise: Noise, darks: &Darks) -> f64 {
     if seen && number > 0.0 { (beyond / number).max(0.0) } else { 0.0 }
 }
 
-const HEADER: &str = "wavelength_nm,photodiode_v,photodiode_dark_v,sigma_photodiode_v,counts,exposure_s,dark_counts,dark_exposure_s,sigma_drift_relative,second_order\n";
+const HEADER: &str = "wavelength_nm,photodiode_v,photodiode_dark_v,sigma_photodiode_v,counts,exposure_s,dark_counts,dark_exposure_s,drift_relative,sigma_drift_relative,drift_step,second_order\n";
 
 /// Tables of a run's lines; `folder` holds the curves that the reduction names, as [`write()`] puts them there.
 ///
 /// # Errors
 /// No complete wavelength or dark reading; files of the folder.
 pub fn make(plan: &RunPlan, lines: &[Line], folder: &Path) -> Result<Made, TableError> {
-    let places = places(lines);
-    let of = |part: Part| places.iter().filter(move |p| p.part == part);
+    let mut places = places(lines);
     let noise = Noise::of(&places);
+    sudden_light(&mut places, noise);
+    let of = |part: Part| places.iter().filter(move |p| p.part == part);
     let darks = Darks::of(&places, noise);
     if darks.at.is_empty() {
         return Err(TableError::None("dark"));
@@ -332,7 +358,7 @@ pub fn make(plan: &RunPlan, lines: &[Line], folder: &Path) -> Result<Made, Table
     }
     let unrest = unrest(&places, noise, &darks);
     let measuring = &plan.measuring;
-    let row = |place: &Place, drift: f64| -> String {
+    let row = |place: &Place, drift: Change| -> String {
         let at = match place.part {
             Part::Step => measuring.wavelengths.get(place.number as usize).copied(),
             _ => measuring.reference,
@@ -347,41 +373,60 @@ pub fn make(plan: &RunPlan, lines: &[Line], folder: &Path) -> Result<Made, Table
         let unrest = unrest * (light - dark).powi(2) / place.exposures.len().max(1) as f64;
         let sigma = (own + dark_variance + unrest).sqrt();
         let (counts, exposure_s) = place.counts();
+        // An exposure in which the light jumps at any time is off by as much as ±half of that, evenly.
+        let jump = place.jump / (12.0_f64.sqrt() * place.exposures.len().max(1) as f64);
+        let step = drift.is_step || place.jump != 0.0;
         // A missing reading has no uncertainty either: the reduction flags it.
         let sigma = if sigma.is_finite() { sigma } else { 0.0 };
         format!(
-            "{},{light:e},{dark:e},{sigma:e},{counts},{exposure_s},{dark_counts},{dark_s},{drift:e},{}\n",
+            "{},{light:e},{dark:e},{sigma:e},{counts},{exposure_s},{dark_counts},{dark_s},{:e},{:e},{},{}\n",
             place.wavelength_nm,
+            drift.relative,
+            drift.sigma.hypot(jump),
+            u8::from(step),
             u8::from(at.is_some_and(|at| at.second_order)),
         )
     };
-    let table = |part: Part, drift: f64| {
+    let table = |part: Part, drift: Option<&Drift>| {
         let unit = measuring.meter.unit.name();
         let mut text = format!("# The photodiode's columns are in {unit}.\n{HEADER}");
         let mut rows: Vec<&Place> = of(part).collect();
         rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         for place in rows {
-            text += &row(place, drift);
+            text += &row(place, drift.map_or(Change::default(), |drift| drift.at(place.time_s)));
         }
         text
     };
-    let reference = of(Part::Reference).next().map(|_| table(Part::Reference, 0.0));
+    let mut references: Vec<&Place> = of(Part::Reference).collect();
+    references.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let reference = (!references.is_empty()).then(|| table(Part::Reference, None));
     let drift = match &reference {
-        Some(text) if of(Part::Reference).count() > 1 => Some(drift(plan, text, folder)?),
-        _ => None,
+        Some(text) => drift(plan, text, &references, folder)?,
+        None => None,
     };
+    let lamp: Vec<f64> = (references.iter())
+        .map(|p| p.light() - darks.photodiode(p.time_s).0)
+        .filter(|light| light.is_finite())
+        .collect();
+    let lamp_range = range(&lamp);
     let mut warnings = Vec::new();
     let over = places.iter().filter(|p| p.is_over).count();
     if over > 0 {
         warnings.push(format!(
-            "the photodiode's meter was over its range at {over} places: no efficiency there; choose a higher range"
+            "the photodiode's meter was over its range at {}: no efficiency there; choose a higher range",
+            counted(over, "place")
         ));
     }
-    if let Some(drift) = drift.filter(|d| d.relative_sigma > 0.0) {
+    if let Some(drift) = &drift {
+        warnings.extend(said(drift, of(Part::Step), lamp_range));
+    }
+    let jumps = places.iter().filter(|p| p.jump != 0.0);
+    let largest = jumps.clone().map(|p| p.jump.abs()).fold(0.0, f64::max);
+    if largest > 0.0 {
         warnings.push(format!(
-            "the rig drifted: the efficiency at the reference wavelength changed by {:.2} % in the run; all wavelengths have {:.2} % more uncertainty by that",
-            100.0 * drift.range,
-            100.0 * drift.relative_sigma
+            "the light changed suddenly, by up to {:.1} %, during the exposures at {} (flag drift_step): it is in the uncertainty there; look at the lamp",
+            100.0 * largest,
+            counted(jumps.count(), "place")
         ));
     }
     if !darks.is_steady {
@@ -397,17 +442,66 @@ pub fn make(plan: &RunPlan, lines: &[Line], folder: &Path) -> Result<Made, Table
     }
     Ok(Made {
         steps: of(Part::Step).count(),
-        scan: table(Part::Step, drift.map_or(0.0, |d| d.relative_sigma)),
+        scan: table(Part::Step, drift.as_ref()),
         reference,
         drift,
+        lamp_range,
         noise: noise.additive.sqrt(),
         unrest: unrest.sqrt(),
         warnings,
     })
 }
 
-/// Change of the efficiency at the reference wavelength beyond what its readings scatter by themselves.
-fn drift(plan: &RunPlan, text: &str, folder: &Path) -> Result<Drift, TableError> {
+/// Largest less least of numbers above 0, over their mean; 0 of none.
+fn range(all: &[f64]) -> f64 {
+    let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    if mean > 0.0 { (most - least) / mean } else { 0.0 }
+}
+
+/// Warnings about a drift.
+fn said<'a>(
+    drift: &Drift,
+    steps: impl Iterator<Item = &'a Place> + Clone,
+    lamp_range: f64,
+) -> Vec<String> {
+    let mut said = vec![];
+    let (percent, lamp) = (100.0 * drift.range(), 100.0 * lamp_range);
+    if drift.is_corrected() {
+        said.push(format!(
+            "the rig drifted: the efficiency at the reference wavelength changed by {percent:.2} % in the run (the lamp by {lamp:.1} %, which is in no efficiency). It was undone: all efficiencies are those at the first reading of the reference"
+        ));
+    }
+    for step in drift.steps() {
+        let between = |p: &&Place| (step.from_s..step.to_s).contains(&p.time_s);
+        let count = steps.clone().filter(between).count();
+        said.push(format!(
+            "the rig changed suddenly, by {:.2} %, between {:.0} and {:.0} s of the run: {} between those readings of the reference (flag drift_step) {} half of that as uncertainty; look whether the lamp went out or something was moved, and read them again",
+            100.0 * step.relative,
+            step.from_s,
+            step.to_s,
+            counted(count, "wavelength"),
+            if count == 1 { "has" } else { "have" }
+        ));
+    }
+    let late = steps.filter(|p| p.time_s > drift.end_s()).count();
+    if drift.is_corrected() && late > 0 {
+        said.push(format!(
+            "{} came after the last reading of the reference: the drift goes on unseen there, which is in the uncertainty",
+            counted(late, "wavelength")
+        ));
+    }
+    said
+}
+
+/// Change of the efficiency at the reference wavelength; none where less than two of its readings give one. `text` is the table of the readings, a row each.
+fn drift(
+    plan: &RunPlan,
+    text: &str,
+    places: &[&Place],
+    folder: &Path,
+) -> Result<Option<Drift>, TableError> {
     write_text(&folder.join(REFERENCE), text)?;
     let mut known = local(&plan.known).0;
     if let Some(set) = known.get_mut("set").and_then(|set| set.get_mut(0)) {
@@ -415,32 +509,19 @@ fn drift(plan: &RunPlan, text: &str, folder: &Path) -> Result<Drift, TableError>
     }
     let document = Document::new(folder.join(RUN), known.to_string())?;
     let parts = read_run(&document)?;
-    let mut found = Vec::new();
+    let mut points = Vec::new();
     for set in &parts.sets {
-        for reading in &set.readings {
+        for (reading, place) in set.readings.iter().zip(places) {
             let one = Set { readings: vec![*reading], ..set.clone() };
-            let rows = reduce(&[one], &parts.sensor)?.rows;
-            found.extend(
-                rows.iter()
-                    .filter(|r| r.efficiency.is_finite())
-                    .map(|r| (r.efficiency, r.components.own().max(1e-12 * r.efficiency.abs()))),
-            );
+            let found = reduce(&[one], &parts.sensor)?;
+            points.extend(found.rows.iter().filter(|row| row.efficiency > 0.0).map(|row| Point {
+                time_s: place.time_s,
+                ln: row.efficiency.ln(),
+                sigma: (row.components.own() / row.efficiency).max(1e-12),
+            }));
         }
     }
-    let n = found.len();
-    if n < 2 {
-        return Ok(Drift { readings: n, range: 0.0, relative_sigma: 0.0 });
-    }
-    let mean = found.iter().map(|f| f.0).sum::<f64>() / n as f64;
-    let chi2: f64 = found.iter().map(|f| ((f.0 - mean) / f.1).powi(2)).sum();
-    let freedom = n as f64 - 1.0;
-    let square = found.iter().map(|f| (f.0 - mean).powi(2)).sum::<f64>() / freedom;
-    let own = found.iter().map(|f| f.1 * f.1).sum::<f64>() / n as f64;
-    let seen = chi2 > freedom + SEEN * (2.0 * freedom).sqrt();
-    let beyond = if seen { (square - own).max(0.0).sqrt() / mean.abs() } else { 0.0 };
-    let least = found.iter().map(|f| f.0).fold(f64::INFINITY, f64::min);
-    let most = found.iter().map(|f| f.0).fold(f64::NEG_INFINITY, f64::max);
-    Ok(Drift { readings: n, range: (most - least) / mean.abs(), relative_sigma: beyond })
+    Ok(Drift::new(points))
 }
 
 /// The run's file with its curves beside it, and the curves: name in the folder, path as the plan has it.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{FilterWheel, PhotonCounter, Source};
 use sunglint_formats::toml::{NonNegative, Positive};
-use sunglint_materials::log::Record;
+use sunglint_materials::log::{self, Record};
 
 /// The devices of a run, their clock, and what stops them.
 pub struct Rig<'a> {
@@ -56,12 +56,7 @@ pub fn measure(
         // Whatever is wrong with it is said by the result already.
         let _ = source.switch(false, &grace);
     }
-    let synced = record.sync();
-    if let Err(error) = &result {
-        // The first error is the one that counts.
-        let _ = record.event(&error.to_string());
-    }
-    result.and(synced.map_err(RunError::Record))
+    log::end(record, result)
 }
 
 fn all(

@@ -61,7 +61,19 @@ pub fn table_csv(name: &str, choice: &Choice, fitted: &Fitted) -> String {
 pub fn law_toml(choice: &Choice) -> Option<String> {
     let mut text =
         String::from("# For [channel.counter] of a station; values with their 95 % intervals.\n");
+    let table = format!("dead_time_model = \"table\"\nlinearity = \"{LINEARITY}\"\n");
     match choice.told() {
+        Some(Fitted { law: DeadTime::Table { .. }, name, found, .. }) => {
+            let values: Vec<String> = (found.iter())
+                .map(|f| format!("{} {:.4} ({:.4} to {:.4})", f.name, f.value, f.low, f.high))
+                .collect();
+            let _ = writeln!(
+                text,
+                "# The law is {name}, which a station has as a table: {}.",
+                values.join(", ")
+            );
+            text += &table;
+        }
         Some(fitted) => {
             let _ = writeln!(text, "dead_time_model = \"{}\"", fitted.name);
             if let DeadTime::MultiPixel { pixels, .. } = fitted.law {
@@ -82,8 +94,7 @@ pub fn law_toml(choice: &Choice) -> Option<String> {
                 names.join(" and "),
                 choice.fitted[*first].name
             );
-            text.push_str("dead_time_model = \"table\"\n");
-            let _ = writeln!(text, "linearity = \"{LINEARITY}\"");
+            text += &table;
         }
     }
     Some(text)

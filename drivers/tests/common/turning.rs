@@ -1,17 +1,169 @@
-//! Parts that the tests of stages on [`Turning`] share: lives on bad lines, and recorded conversations.
+//! Parts that the tests of stages on [`Turning`] share: the battery that each passes with its simulated device, lives on bad lines, and recorded conversations.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test uses its part")]
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use sunglint_drivers::clock::{Clock, Deadline, VirtualClock};
+use sunglint_drivers::clock::{Cancel, Clock, Deadline, VirtualClock};
 use sunglint_drivers::device::{DeviceError, RotationStage};
 use sunglint_drivers::recording::{Faults, Header, Injected, Recorded, Recording, Replay};
+use sunglint_drivers::simulated::elliptec::Elliptec;
+use sunglint_drivers::simulated::esp301::Esp301;
+use sunglint_drivers::simulated::smc100::Smc100;
+use sunglint_drivers::simulated::zaber::Zaber;
 use sunglint_drivers::simulated::{InMemory, Speaker};
 use sunglint_drivers::transport::{Bytes, TransportError};
 use sunglint_drivers::turning::{Axis, Turning, TurningSettings};
 use sunglint_formats::atomic::Overwrite;
 use sunglint_testkit::fixture;
+
+/// A simulated device, as far as all of them are alike.
+pub trait Counterpart: Speaker {
+    /// Place at the reference, counts.
+    const REFERENCE: i64;
+    /// Counts of a degree.
+    const PER_DEG: f64;
+    fn place(&self) -> i64;
+    fn is_standing(&self) -> bool;
+    fn set_obstacle(&mut self, place: Option<i64>);
+    fn power_cycle(&mut self);
+    /// It says nothing any more.
+    fn die(&mut self);
+
+    /// Where it is, deg from its reference.
+    fn deg(&self) -> f64 {
+        (self.place() - Self::REFERENCE) as f64 / Self::PER_DEG
+    }
+}
+
+macro_rules! counterpart {
+    ($device:ty, $reference:expr, $per_deg:expr, $($dead:ident).+) => {
+        impl Counterpart for $device {
+            const REFERENCE: i64 = $reference;
+            const PER_DEG: f64 = $per_deg;
+
+            fn place(&self) -> i64 {
+                self.place()
+            }
+
+            fn is_standing(&self) -> bool {
+                self.is_standing()
+            }
+
+            fn set_obstacle(&mut self, place: Option<i64>) {
+                self.set_obstacle(place);
+            }
+
+            fn power_cycle(&mut self) {
+                self.power_cycle();
+            }
+
+            fn die(&mut self) {
+                self.$($dead).+ = true;
+            }
+        }
+    };
+}
+counterpart!(Zaber, -15_000, 1_000.0, dead);
+counterpart!(Elliptec, -35_840, 143_360.0 / 360.0, trouble.dead);
+counterpart!(Esp301, -150_000, 10_000.0, dead);
+counterpart!(Smc100, -150_000, 10_000.0, dead);
+
+/// A stage with its simulated device on a virtual clock.
+pub struct Desk<A: Axis, D> {
+    pub clock: Arc<VirtualClock>,
+    pub stage: Turning<A>,
+    reach: fn(&mut Turning<A>) -> &mut D,
+}
+
+impl<A: Axis, D: Counterpart> Desk<A, D> {
+    /// `open` opens the stage, `reach` gives the device behind it.
+    pub fn new(
+        open: impl FnOnce(&Deadline) -> Result<Turning<A>, DeviceError>,
+        reach: fn(&mut Turning<A>) -> &mut D,
+    ) -> Result<Self, DeviceError> {
+        let clock = Arc::new(VirtualClock::new());
+        let stage = open(&Deadline::after(clock.clone(), Duration::from_secs(10)))?;
+        Ok(Self { clock, stage, reach })
+    }
+
+    pub fn within(&self, s: u64) -> Deadline {
+        Deadline::after(self.clock.clone(), Duration::from_secs(s))
+    }
+
+    pub fn device(&mut self) -> &mut D {
+        (self.reach)(&mut self.stage)
+    }
+
+    /// Turns to an angle, which has to end with an error: it, in words, and where the stage says that it stands.
+    pub fn fails(&mut self, deg: f64) -> (String, Option<f64>) {
+        let error = self.stage.move_to(deg, &self.within(60)).unwrap_err();
+        (error.to_string(), error.done)
+    }
+
+    /// Without a reference it has no angle. It finds it, says `home_deg` there, and turns to each angle, to the nearest count. Without power for a moment it has lost it, in these words.
+    pub fn homes_and_turns(&mut self, home_deg: f64, angles: &[f64], lost: &str) {
+        let d = self.within(600);
+        assert!(self.stage.angle_deg(&d).unwrap_err().to_string().contains("home it"));
+        assert_eq!(self.stage.home(&d).unwrap(), home_deg);
+        assert_eq!(self.device().place(), D::REFERENCE);
+        for angle in angles {
+            let at = self.stage.move_to(*angle, &d).unwrap();
+            let place = self.device().place() - D::REFERENCE;
+            assert_eq!(place, ((angle - home_deg) * D::PER_DEG).round() as i64, "{angle}");
+            // It says where it is, not where it was sent.
+            assert!((at - home_deg - self.device().deg()).abs() < 1e-9, "{at} for {angle}");
+        }
+        self.device().power_cycle();
+        let error = self.stage.angle_deg(&self.within(60)).unwrap_err().to_string();
+        assert!(error.contains(lost), "{error}");
+    }
+
+    /// The battery of what goes wrong with every stage: a move that takes longer than it may is stopped and told where; one that is cancelled does not begin; one that meets an obstacle says so and where, and the next one
+    /// is right when that is gone; then `own` faults of this stage; and one whose controller says nothing any more is not said to stand.
+    pub fn battery(&mut self, trial: Trial, own: impl FnOnce(&mut Self)) {
+        self.stage.home(&self.within(60)).unwrap();
+        let begun = self.clock.now();
+        let error = self.stage.move_to(trial.far_deg, &self.within(trial.too_short_s)).unwrap_err();
+        assert!(matches!(*error.error, DeviceError::TooSlow { .. }), "{error}");
+        let took = self.clock.now() - begun;
+        assert!(took < Duration::from_secs(trial.too_short_s + 2), "it took {took:?}");
+        assert!(self.device().is_standing());
+        let place = self.device().deg();
+        let near = 0.5 / D::PER_DEG + 1e-9;
+        assert!((error.done.unwrap() - place).abs() < near, "{error:?}, it is at {place}");
+        assert!(place > trial.beyond_deg, "{place}: it did not move");
+        let cancel = Cancel::new();
+        cancel.cancel();
+        let error = self.stage.move_to(2.0, &self.within(60).with_cancel(&cancel)).unwrap_err();
+        assert!(matches!(*error.error, DeviceError::Cancelled { .. }), "{error}");
+        let place = self.device().deg();
+        let (obstacle, words) = trial.obstacle;
+        self.device().set_obstacle(Some(D::REFERENCE + obstacle));
+        let at = obstacle as f64 / D::PER_DEG;
+        let beyond = if at > place { 90.0 } else { 2.0 };
+        let (error, stands) = self.fails(beyond);
+        assert!(error.contains(words), "{error}");
+        assert!((stands.unwrap() - at).abs() < 1e-9, "{stands:?}, it is at {at}");
+        self.device().set_obstacle(None);
+        let again = self.stage.move_to(beyond, &self.within(60)).unwrap();
+        assert!((again - beyond).abs() <= near, "the old fault is over: {again}");
+        own(self);
+        self.device().die();
+        let error = self.stage.home(&self.within(60)).unwrap_err();
+        assert!(matches!(*error.error, DeviceError::NotStopped { .. }), "{error}");
+    }
+}
+
+/// The battery's numbers for a stage.
+pub struct Trial {
+    /// An angle that it cannot reach within so many s, and one that it passes by then.
+    pub far_deg: f64,
+    pub too_short_s: u64,
+    pub beyond_deg: f64,
+    /// Counts from the reference to an obstacle on its way, and words of the error there.
+    pub obstacle: (i64, &'static str),
+}
 
 pub fn name(error: &DeviceError) -> &'static str {
     match error {
@@ -158,6 +310,44 @@ pub struct Case<D> {
     pub cable: Cable,
     pub before: Before<D>,
     pub end: &'static str,
+}
+
+impl<D> Case<D> {
+    pub fn new(name: &'static str, device: D, end: &'static str) -> Self {
+        Self { name, device, cable: Cable::Good, before: None, end }
+    }
+
+    /// The same with a change of the device.
+    pub fn with(mut self, change: fn(&mut D)) -> Self {
+        change(&mut self.device);
+        self
+    }
+
+    /// The same with another cable.
+    pub fn on(self, cable: Cable) -> Self {
+        Self { cable, ..self }
+    }
+
+    /// The same with something that happens to the device before a piece of the host.
+    pub fn before(self, piece: u32, act: fn(&mut D)) -> Self {
+        Self { before: Some((piece, act)), ..self }
+    }
+}
+
+/// The conversations that each stage has: all well, ending with `good`; silence; a byte of the answer to a piece that is spoilt; the cable out after a piece.
+pub fn usual<D: Counterpart>(
+    device: fn() -> D,
+    good: &'static str,
+    spoilt: u32,
+    cut: u32,
+) -> Vec<Case<D>> {
+    vec![
+        Case::new("good", device(), good),
+        Case::new("silence", device(), "open: no answer but 0 bytes").with(D::die),
+        Case::new("spoilt", device(), good).on(Cable::Flip(spoilt)),
+        Case::new("disconnect", device(), "home: gone after 0 bytes; not stopped")
+            .on(Cable::Cut(cut)),
+    ]
 }
 
 struct Line<D> {

@@ -2,6 +2,7 @@
 
 use super::words::{READING_NOTES, is_clock, is_date};
 use super::{DAY_S, MJD_OFFSET, Scale, moment};
+use crate::text::counted;
 use crate::time::{UtcDay, parse_utc, parse_zoned};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
@@ -331,7 +332,7 @@ pub(super) fn named_times<'a>(
     let origin = Origin::of_votable(table, name, &said).or_else(|| Origin::of_fits(table, name));
     let mut read = times(path, table, name, names, system, origin)?;
     if let Some(rows) = table.meta.get("untimed_rows").and_then(serde_json::Value::as_u64) {
-        read.notes.push(format!("{rows} rows without a time are left out"));
+        read.notes.push(format!("{} without a time left out", counted(rows as usize, "row")));
     }
     let notes = table.meta.get(READING_NOTES).and_then(|notes| notes.as_array());
     read.notes.extend(notes.into_iter().flatten().filter_map(|n| n.as_str()).map(str::to_owned));

@@ -2,6 +2,7 @@
 
 use super::columns::find;
 use super::{ColumnNames, ObjectRows, ObjectsError, Photometry, Source, open, texts};
+use crate::text::counted;
 use crate::{ParseError, Table};
 use std::path::{Path, PathBuf};
 
@@ -66,7 +67,10 @@ pub fn import(
             let taken = rows.of_table(&table).map_err(objects)?;
             if let Some(keep) = taken.keep {
                 let n = keep.iter().filter(|k| **k).count();
-                import.samples.notes.push(format!("{n} of {} rows are of the object", keep.len()));
+                import.samples.notes.push(format!(
+                    "{n} of {} taken: those of the object",
+                    counted(keep.len(), "row")
+                ));
                 import.samples.retain(&keep);
             }
             if let Some((column, object)) = taken.object {
@@ -88,7 +92,8 @@ pub fn import(
     let repeated = samples.repeated();
     if repeated > 0 {
         samples.notes.push(format!(
-            "{repeated} rows stand there twice (time, light and channel are the same): they are kept; analyse and fit count each once"
+            "{} given twice (time, light and channel are the same): kept here; analyse and fit count each once",
+            counted(repeated, "row")
         ));
     }
     Ok(import)

@@ -27,6 +27,7 @@ pub use import::{Import, ImportError, import};
 pub use missing::without_words_for_none;
 pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
+use crate::text::counted;
 use crate::time::{UtcDay, parse_utc};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
@@ -193,9 +194,22 @@ pub enum Source {
 /// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable. Files packed with gzip are unpacked.
 ///
 /// # Errors
-/// Bytes that are none of these; what a format does not allow, with its place.
+/// Bytes that are none of these; what a format does not allow, with its place; a table without a row.
 pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError> {
     let path = path.as_ref();
+    let source = opened(path, bytes)?;
+    match &source {
+        // A light curve of our own without samples is refused by those who need some.
+        Source::Table(name, table) if table.rows() == 0 && !table.meta.contains_key("quantity") => {
+            let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+            let found = format!("{name} with 0 rows below the names {}", names.join(", "));
+            Err(ParseError::new(path, found, "a row for each sample"))
+        }
+        _ => Ok(source),
+    }
+}
+
+fn opened(path: &Path, bytes: Vec<u8>) -> Result<Source, ParseError> {
     let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
     let bytes = crate::fits::inflate(path, bytes, most)?;
     if bytes.starts_with(b"SIMPLE  =") {
@@ -545,12 +559,12 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         filters.push(band.cloned().unwrap_or_default());
     }
     if lost.0 > 0 {
-        let words = format!("{} samples without a magnitude", lost.0);
+        let words = format!("{} without a magnitude", counted(lost.0, "sample"));
         if lost.0 > read.time.len() {
             let error = ParseError::new(path, words, "magnitudes in most of its lines");
             return Err(error.at_line(lost.1 as u64));
         }
-        read.notes.push(format!("{words} are left out (the first in line {})", lost.1));
+        read.notes.push(format!("{words} left out (the first in line {})", lost.1));
     }
     if sigma.iter().any(|s: &f64| *s > 0.0) {
         read.sigma_mag = Some(sigma);

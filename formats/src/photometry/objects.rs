@@ -3,6 +3,7 @@
 use super::columns::find;
 use super::texts;
 use crate::Table;
+use crate::text::counted;
 use std::collections::BTreeMap;
 
 /// Columns that say which object a row is of.
@@ -61,7 +62,8 @@ pub enum ObjectsError {
 
 /// Objects with their numbers of rows, in words.
 fn listed(objects: &[(String, usize)]) -> String {
-    let named = objects.iter().take(MOST_NAMED).map(|(name, n)| format!("{name} ({n} rows)"));
+    let named =
+        objects.iter().take(MOST_NAMED).map(|(name, n)| format!("{name} ({})", counted(*n, "row")));
     let mut text = named.collect::<Vec<_>>().join(", ");
     if objects.len() > MOST_NAMED {
         text += &format!(" and {} more", objects.len() - MOST_NAMED);

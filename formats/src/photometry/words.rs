@@ -5,6 +5,7 @@
 use super::columns::usual_time;
 use super::shortened;
 use super::tables::retain;
+use crate::text::counted;
 use crate::time::parse_zoned;
 use crate::{Column, ParseError, Table, Values};
 use std::path::Path;
@@ -265,9 +266,9 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
             return Err(error.at_line(*line as u64).with_hint(hint));
         }
         cells.notes.push(format!(
-            "{} rows are left out: they do not have {} values, as many as names (the first in line {line}: {n})",
-            odd.len(),
-            names.len()
+            "{} left out: without {}, as many as names (the first in line {line}: {n})",
+            counted(odd.len(), "row"),
+            counted(names.len(), "value")
         ));
     }
     let mut columns = Vec::with_capacity(names.len());
@@ -342,9 +343,9 @@ impl Cells {
         }
         type Kind<'a> = (&'a str, &'a dyn Fn(&str) -> bool);
         let kinds: [Kind; 3] = [
-            ("are limits, no values", &is_limit),
-            ("hold no value", &|t| is_missing(t) && !is_empty),
-            ("are no numbers", &|t| !is_missing(t) && !is_limit(t)),
+            ("with a limit, no value", &is_limit),
+            ("without a value", &|t| is_missing(t) && !is_empty),
+            ("with no number", &|t| !is_missing(t) && !is_limit(t)),
         ];
         for (what, is) in kinds {
             let is_none = |i: usize| numbers[i].is_none_or(f64::is_nan);
@@ -355,8 +356,8 @@ impl Cells {
                     text => format!("`{}`", shortened(text)),
                 };
                 self.notes.push(format!(
-                    "{name}: {} cells {what} (the first in line {}: {first})",
-                    lost().count(),
+                    "{name}: {} {what} (the first in line {}: {first})",
+                    counted(lost().count(), "cell"),
                     self.lines[i],
                 ));
             }
@@ -379,7 +380,8 @@ impl Cells {
         };
         table.columns.iter_mut().for_each(|c| retain(&mut c.values, &keep, 1));
         self.notes.push(format!(
-            "{lost} rows without a time are left out (the first in line {})",
+            "{} without a time left out (the first in line {})",
+            counted(lost, "row"),
             self.lines[first]
         ));
     }

@@ -121,6 +121,11 @@ impl Data {
         }
     }
 
+    /// The variance of the logarithm of a sample's rate where its uncertainty is a share of it; `None` of any other.
+    pub(super) fn log_variance(&self, epoch: usize, channel: usize) -> Option<f64> {
+        self.share.as_ref().map(|share| share[[epoch, channel]].powi(2).ln_1p())
+    }
+
     /// The rate that stands for a sample's before there is a model: its own, or the median of its neighbours' where that is more.
     pub(super) fn beginning(&self, epoch: usize, channel: usize) -> f64 {
         let own = self.rate[[epoch, channel]];

@@ -155,6 +155,8 @@ pub(super) struct Problem<'a> {
     pub linear: &'a [Linear],
     model: &'a mut dyn Model,
     pub whitener: Whitener,
+    /// Factors of the rates that go with the weights of a loss; 1 where there are none.
+    pub centres: Option<PerSample>,
     /// The linear parameter of each curve's channel and component.
     owner: Vec<Array2<Option<usize>>>,
     pub evaluations: usize,
@@ -238,6 +240,7 @@ impl<'a> Problem<'a> {
             linear,
             model,
             whitener,
+            centres: None,
             owner,
             evaluations: 0,
             gain: None,
@@ -269,6 +272,11 @@ impl<'a> Problem<'a> {
         Ok(columns)
     }
 
+    /// Factor of a sample's rate that goes with its loss.
+    pub fn centre(&self, pass: usize, at: (usize, usize)) -> f64 {
+        self.centres.as_ref().map_or(1.0, |all| all[pass][at])
+    }
+
     /// The values by name, for messages.
     pub fn describe(&self, values: &[f64]) -> String {
         let all = self.free.iter().zip(values).map(|(f, v)| format!("{} = {v}", f.name));
@@ -297,7 +305,8 @@ impl<'a> Problem<'a> {
                         None => fixed += value,
                     }
                 }
-                let left = self.data[epoch.pass].rate[[epoch.epoch, *c]] - fixed;
+                let at = (epoch.epoch, *c);
+                let left = self.centre(epoch.pass, at) * self.data[epoch.pass].rate[at] - fixed;
                 buffer[count * m + j] = left;
             }
             if let Some(bad) = buffer.iter().find(|v| !v.is_finite()) {

@@ -65,13 +65,13 @@ const TUKEY: f64 = 4.685;
 const CLOUD: f64 = 4.0;
 
 impl Loss {
-    /// ψ(u)/u, at most 1 for [`Loss::Huber`].
+    /// ψ(u)/u, 1 at 0 and nowhere more.
     fn weight(self, u: f64) -> f64 {
         match self {
             Self::Squares => 1.0,
             Self::Huber if u.abs() <= HUBER => 1.0,
             Self::Huber => HUBER / u.abs(),
-            Self::Student => (STUDENT + 1.0) / (STUDENT + u * u),
+            Self::Student => STUDENT / (STUDENT + u * u),
             Self::Tukey => (1.0 - (u / TUKEY).powi(2)).max(0.0).powi(2),
         }
     }
@@ -81,7 +81,7 @@ impl Loss {
         match self {
             Self::Squares => 1.0,
             Self::Huber => f64::from(u8::from(u.abs() <= HUBER)),
-            Self::Student => (STUDENT + 1.0) * (STUDENT - u * u) / (STUDENT + u * u).powi(2),
+            Self::Student => STUDENT * (STUDENT - u * u) / (STUDENT + u * u).powi(2),
             Self::Tukey => {
                 let t = (u / TUKEY).powi(2);
                 if t < 1.0 { (1.0 - t) * (1.0 - 5.0 * t) } else { 0.0 }
@@ -329,13 +329,14 @@ fn settle(
     // On the way to another fit the weights need not be the last word.
     let both = options.purpose == Purpose::Answer;
     for round in 0..rounds(options.purpose) {
-        let weights = weights(problem.data, &state.rates, loss);
+        let (weights, centres) = weights(problem.data, &state.rates, loss).unzip();
         let whitener = Whitener::new(problem.data, Some(&state.rates), weights.as_ref());
         if whitener.rows <= problem.free.len() + problem.linear.len() {
             // All but everything is an outlier: the noise before stays.
             return Ok((state, false));
         }
         problem.whitener = whitener;
+        problem.centres = centres;
         if matches!(options.purpose, Purpose::Covariance | Purpose::Values) {
             let scale = (state.chi2 / freedom(problem) as f64).max(1.0);
             problem.gain = Some(ENOUGH * scale / state.chi2.max(1.0));
@@ -389,24 +390,58 @@ fn pulls(data: &[Data], rates: &PerSample) -> PerSample {
     data.iter().zip(rates).map(one).collect()
 }
 
-/// 1.4826 times the median of what is there, and no less than 1: where the noise is stated too small, all samples are no outliers.
-fn spread(pulls: &PerSample) -> f64 {
-    let finite = pulls.iter().flatten().copied().filter(|p| p.is_finite());
-    robust_sigma(finite).map_or(1.0, |sigma| sigma.max(1.0))
+/// Residual of a sample as a loss judges it.
+#[derive(Debug, Clone, Copy)]
+struct Judged {
+    /// Over the noise of single samples; NaN where it does not count.
+    pull: f64,
+    /// The same over what it is in light: below 1 where it is brighter than the model, above where it is fainter. 1 of what is no magnitude.
+    bent: f64,
+    /// Factor of its rate, from the mean of its noise to the median.
+    centre: f64,
 }
 
-/// Weights by the loss; none for squares. 0 for what does not count.
-fn weights(data: &[Data], rates: &PerSample, loss: Loss) -> Option<PerSample> {
+/// Residuals as a loss judges them: those of magnitudes in magnitudes, in which their noise is even. What stands for the noise in the mean, [`Data::in_the_mean`], holds for squares alone.
+fn judged(data: &[Data], rates: &PerSample) -> Vec<Array2<Judged>> {
+    let one = |(curve, rates): (&Data, &Array2<f64>)| {
+        Array2::from_shape_fn(rates.raw_dim(), |(i, c)| {
+            let (rate, model) = (curve.rate[[i, c]], rates[[i, c]]);
+            let plain = |pull| Judged { pull, bent: 1.0, centre: 1.0 };
+            match curve.log_variance(i, c) {
+                _ if !curve.used[[i, c]] => plain(f64::NAN),
+                Some(own) if model > 0.0 && rate > 0.0 => {
+                    let centre = (0.5 * own).exp();
+                    let off = centre * rate / model - 1.0;
+                    let bent = if off == 0.0 { 1.0 } else { off.ln_1p() / off };
+                    let pull = off.ln_1p() / (own + curve.common_variance[i]).sqrt();
+                    Judged { pull, bent, centre }
+                }
+                _ => plain((rate - model) / noise(curve, i, c, model)),
+            }
+        })
+    };
+    data.iter().zip(rates).map(one).collect()
+}
+
+/// 1.4826 times the median of what is there, and no less than 1: where the noise is stated too small, all samples are no outliers.
+fn spread(pulls: impl Iterator<Item = f64>) -> f64 {
+    robust_sigma(pulls.filter(|p| p.is_finite())).map_or(1.0, |sigma| sigma.max(1.0))
+}
+
+/// Weights by the loss, 0 for what does not count, and factors of the rates that go with them; none for squares.
+fn weights(data: &[Data], rates: &PerSample, loss: Loss) -> Option<(PerSample, PerSample)> {
     if loss == Loss::Squares {
         return None;
     }
-    let pulls = pulls(data, rates);
-    let width = spread(&pulls);
-    let weight = |p: &f64| if p.is_finite() { loss.weight(p / width) } else { 0.0 };
-    let mut weights: PerSample = pulls.iter().map(|pulls| pulls.map(weight)).collect();
+    let judged = judged(data, rates);
+    let width = spread(judged.iter().flatten().map(|j| j.pull));
+    let weight = |j: &Judged| {
+        if j.pull.is_finite() { j.bent * loss.weight(j.pull / width) } else { 0.0 }
+    };
+    let mut weights: PerSample = judged.iter().map(|all| all.map(weight)).collect();
     if loss == Loss::Tukey {
         let common = common_pulls(data, rates);
-        let width = spread(&common);
+        let width = spread(common.iter().flatten().copied());
         for (weights, common) in weights.iter_mut().zip(&common) {
             for (i, pull) in common.iter().enumerate() {
                 if pull.abs() > CLOUD * width {
@@ -415,7 +450,8 @@ fn weights(data: &[Data], rates: &PerSample, loss: Loss) -> Option<PerSample> {
             }
         }
     }
-    Some(weights)
+    let centres = judged.iter().map(|all| all.map(|j| j.centre)).collect();
+    Some((weights, centres))
 }
 
 /// The relative factor that an epoch's channels have in common, over its standard deviation: a column for each curve, NaN without a sample.
@@ -436,12 +472,11 @@ fn common_pulls(data: &[Data], rates: &PerSample) -> PerSample {
 }
 
 /// Σψ²/(n−p) over the square of the mean of ψ', of residuals over the noise of single samples.
-fn m_factor(pulls: &PerSample, loss: Loss, freedom: usize) -> f64 {
-    let spread = spread(pulls);
-    let all: Vec<f64> =
-        pulls.iter().flatten().filter(|p| p.is_finite()).map(|p| p / spread).collect();
-    let psi2: f64 = all.iter().map(|u| (u * loss.weight(*u)).powi(2)).sum();
-    let slope: f64 = all.iter().map(|u| loss.slope(*u)).sum::<f64>() / all.len() as f64;
+fn m_factor(pulls: &[f64], loss: Loss, freedom: usize) -> f64 {
+    let spread = spread(pulls.iter().copied());
+    let all = || pulls.iter().map(|p| p / spread);
+    let psi2: f64 = all().map(|u| (u * loss.weight(u)).powi(2)).sum();
+    let slope: f64 = all().map(|u| loss.slope(u)).sum::<f64>() / pulls.len() as f64;
     spread * spread * psi2 / freedom as f64 / (slope * slope)
 }
 
@@ -503,7 +538,8 @@ fn finish(
     let loss = options.loss;
     let data = problem.data;
     let values = search::values(&problem, &best.at);
-    let weights = weights(data, &state.rates, loss);
+    let (weights, centres) = weights(data, &state.rates, loss).unzip();
+    problem.centres = centres;
     // All samples alike from here on, but for those that the loss left out.
     let kept: Option<PerSample> = weights
         .as_ref()
@@ -511,7 +547,12 @@ fn finish(
     problem.whitener = Whitener::new(data, Some(&state.rates), kept.as_ref());
     let alike = problem.evaluate(&values)?;
     let residual = {
-        let left: PerSample = data.iter().zip(&state.rates).map(|(d, m)| &d.rate - m).collect();
+        let left = data.iter().enumerate().map(|(p, curve)| {
+            Array2::from_shape_fn(curve.rate.raw_dim(), |at| {
+                problem.centre(p, at) * curve.rate[at] - state.rates[p][at]
+            })
+        });
+        let left: PerSample = left.collect();
         let mut residual = problem.whitened(&left);
         problem.add_priors(&values, state.x.as_slice(), &mut residual);
         residual
@@ -520,20 +561,15 @@ fn finish(
     let degrees_of_freedom = freedom(&problem);
     let reduced_chi2 = chi2 / degrees_of_freedom as f64;
     let pulls = pulls(data, &state.rates);
-    let counted: PerSample = match &kept {
-        Some(kept) => (pulls.iter().zip(kept))
-            .map(|(p, k)| {
-                Array2::from_shape_fn(p.raw_dim(), |at| match k[at] {
-                    0.0 => f64::NAN,
-                    _ => p[at],
-                })
-            })
-            .collect(),
-        None => pulls.clone(),
-    };
-    let factor = match loss {
-        Loss::Squares => reduced_chi2,
-        _ => m_factor(&counted, loss, degrees_of_freedom),
+    let factor = match &kept {
+        None => reduced_chi2,
+        Some(kept) => {
+            let judged = judged(data, &state.rates);
+            let each = judged.iter().flatten().zip(kept.iter().flatten());
+            let counts = |(j, kept): (&Judged, &f64)| (*kept > 0.0).then_some(j.pull);
+            let counted: Vec<f64> = each.filter_map(counts).collect();
+            m_factor(&counted, loss, degrees_of_freedom)
+        }
     };
     let scaled_by = factor.max(1.0);
     let solution = State { x: state.x, residual, rates: state.rates, ..alike };

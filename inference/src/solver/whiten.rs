@@ -51,8 +51,13 @@ impl Whitener {
                 let s = curve.common_variance[i].sqrt();
                 for c in &channels {
                     let model = models.map(|m| m[p][[i, *c]]);
-                    let common = s * model.unwrap_or_else(|| curve.beginning(i, *c));
-                    let own = curve.variance(i, *c, model);
+                    let mut common = s * model.unwrap_or_else(|| curve.beginning(i, *c));
+                    let mut own = curve.variance(i, *c, model);
+                    // A channel alone shares its noise with none.
+                    if channels.len() == 1 {
+                        own += common * common;
+                        common = 0.0;
+                    }
                     let sigma = (own + (weight(*c).recip() - 1.0) * (own + common * common)).sqrt();
                     inverse.push(sigma.recip());
                     u.push(common / sigma);

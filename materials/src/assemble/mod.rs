@@ -187,6 +187,7 @@ pub fn assemble(
     if left_out > 0 {
         warnings.push(format!("{left_out} of {} directions were left out: at the horizon, or with a value that is not above 0", samples.rows.len()));
     }
+    warnings.extend(crate::fit::saturation_note(samples));
     for slice in &slices {
         let c = &slice.coverage;
         if c.largest_albedo > 1.0 + 1e-3 {

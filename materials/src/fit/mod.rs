@@ -264,6 +264,23 @@ fn saturated(samples: &Samples, column: usize) -> Option<Saturation> {
     )
 }
 
+/// A note on the columns of a table in which a detector was at its limit.
+pub(crate) fn saturation_note(samples: &Samples) -> Option<String> {
+    let columns = 0..samples.wavelength_nm.len();
+    let found: Vec<(f64, Saturation)> = columns
+        .filter_map(|column| Some((samples.wavelength_nm[column], saturated(samples, column)?)))
+        .collect();
+    let (nm, Saturation { per_sr, signal, .. }) = found.first().copied()?;
+    let more = match found.len() {
+        1 => String::new(),
+        n => format!(" (and in {} more of its wavelengths)", n - 1),
+    };
+    let what = if signal { "f cos θ_o" } else { "f" };
+    Some(format!(
+        "at {nm} nm{more} the largest values are all alike, {what} = {per_sr:.4} sr⁻¹ in several directions: the detector was saturated, and the peak is higher than what stands there"
+    ))
+}
+
 fn plateau(
     samples: &Samples,
     column: usize,

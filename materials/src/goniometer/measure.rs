@@ -5,7 +5,7 @@ use super::line::Line;
 use super::pose::Angles;
 use super::tasks::{Part, RESUMED, Task};
 use crate::axis::{self, Approach, AxisError};
-use crate::log::{Record, RecordError};
+use crate::log::{self, Record, RecordError};
 use crate::reading::{Keep, ReadError, Reader, State};
 use crate::retro::measure::{Hands, HandsError};
 use std::collections::HashSet;
@@ -104,12 +104,7 @@ pub fn measure(
         let grace = Deadline::after(rig.clock.clock.clone(), STOP);
         let _ = stage.stop(&grace);
     }
-    let synced = record.sync();
-    if let Err(error) = &result {
-        // The first error is the one that counts.
-        let _ = record.event(&error.to_string());
-    }
-    result.and(synced.map_err(RunError::Record))
+    log::end(record, result)
 }
 
 fn all(

@@ -5,6 +5,7 @@
 use super::Measured;
 use super::plan::Measuring;
 use crate::axis::{self, Approach, AxisError};
+use crate::log;
 use crate::reading::{Keep, ReadError, Reader, Seen, kept};
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
@@ -118,12 +119,7 @@ pub fn measure(
     // Whatever is wrong with it is said by the result already.
     let grace = Deadline::after(rig.clock.clock.clone(), STOP);
     let _ = rig.stage.stop(&grace);
-    let synced = record.sync();
-    if let Err(error) = &result {
-        // The first error is the one that counts.
-        let _ = record.event(&error.to_string());
-    }
-    result.and(synced.map_err(RunError::Record))
+    log::end(record, result)
 }
 
 /// The times that the incident power was read, and whether the last one followed the sample's last angle.

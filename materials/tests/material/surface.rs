@@ -514,6 +514,7 @@ fn saturated_peaks_are_left_out() {
     assert!(cut > 10 && found.left_out.saturated == cut);
     let said = |f: &Flaw| matches!(f, Flaw::Saturated { per_sr, .. } if *per_sr == 20.0);
     assert!(found.flaws.iter().any(said));
+    assert!(notes_of(&samples).contains("f = 20.0000 sr⁻¹ in several directions"));
     assert!((found.numbers[1].value / 0.03 - 1.0).abs() < 0.05, "{:?}", found.numbers);
     // A detector clips its signal, f cos θ_o, here at 8 sr⁻¹ with a converter's noise of 0.05 %: in f the plateau leans.
     let mut converter = normals(3);
@@ -535,6 +536,24 @@ fn saturated_peaks_are_left_out() {
     let wide = ggx(0.6, 0.3, 0.3, false, 0.1);
     let rounded = in_plane(&[10.0, 30.0, 50.0], &mut |i, o| (wide(i, o) * 1e3).round() / 1e3);
     assert_eq!(fit_surface(&rounded, &options, &Silent).unwrap().left_out.saturated, 0);
+    assert!(notes_of(&leaning).contains("f cos θ_o = "));
+    assert!(!notes_of(&rounded).contains("saturated"));
+}
+
+/// Notes on a table that is taken as a material.
+fn notes_of(samples: &Samples) -> String {
+    let mut text = String::from("# lambda = 550 nm\n# phi_i theta_i phi_o theta_o brdf\n");
+    for row in &samples.rows {
+        let [i, o] = [[row.phi_i_deg, row.theta_i_deg], [row.phi_o_deg, row.theta_o_deg]];
+        // Of one plane the angle goes from 0 and the azimuth says the side.
+        let (side, angle) = if o[1] < 0.0 { (o[0] - 180.0, -o[1]) } else { (o[0], o[1]) };
+        text += &format!("{} {} {angle} {side} {:?}\n", i[1], i[0], row.brdf_per_sr[0]);
+    }
+    let file = std::env::temp_dir().join(format!("sunglint_notes_{}.txt", std::process::id()));
+    std::fs::write(&file, text).unwrap();
+    let read = sunglint_materials::look::read(file.to_str().unwrap(), 550.0).unwrap();
+    std::fs::remove_file(&file).unwrap();
+    read.notes().join("; ")
 }
 
 /// Truth: files that contradict what is asked, and what is meant by their names (synthetic). Another wavelength than the file's is refused; values times the cosine are divided by it; a table whose mirrored

@@ -23,6 +23,7 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 use sunglint_formats::flag_bits::{Numbering, bit_names};
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Meta, ParseError, Table};
 
 /// How far the rates of a light curve have come.
@@ -165,6 +166,12 @@ pub struct LightCurve {
     pub provenance: Provenance,
     /// Metadata of its file that the schema does not know, kept as they are.
     pub other: Meta,
+}
+
+/// Words for samples that say what another one says and were taken out. `what` is that which is the same beside time and light.
+pub fn given_twice(n: usize, what: &str) -> String {
+    let rows = counted(n, "row");
+    format!("{rows} given twice (time, light and {what} are the same): each counts once")
 }
 
 impl LightCurve {

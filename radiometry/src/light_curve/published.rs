@@ -1,10 +1,13 @@
 //! Files of light curves: rates of this program's schema, or published magnitudes.
 
-use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
+use super::{
+    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, given_twice, usual_step_s,
+};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
 use sunglint_formats::photometry::{self, ColumnNames, Format, Photometry, Source, texts};
 pub use sunglint_formats::photometry::{ObjectRows, ObjectsError};
+use sunglint_formats::text::counted;
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values};
 use sunglint_numerics::order::{median, robust_sigma};
@@ -151,10 +154,10 @@ pub enum PublishedError {
 #[non_exhaustive]
 pub enum Unusable {
     /// No number.
-    #[error("none of {0} rows has a number")]
+    #[error("none of {} has a number", counted(*.0, "row"))]
     NoNumber(usize),
     /// All are the same.
-    #[error("all {rows} are {value}: constant light has no noise of its own")]
+    #[error("{} of {value}: constant light has no noise of its own", counted(*rows, "row"))]
     Constant {
         /// Number of rows.
         rows: usize,
@@ -163,11 +166,27 @@ pub enum Unusable {
     },
     /// Tracks are too short to show their noise.
     #[error(
-        "the longest track has {longest} samples at times of their own, and fewer than 8 show no noise of their own"
+        "of {} the longest track has {} at times of their own, and fewer than 8 show no noise of their own", counted(*rows, "row"), counted(*longest, "sample")
     )]
     Short {
+        /// Number of rows.
+        rows: usize,
         /// Samples of the longest track at different times.
         longest: usize,
+    },
+    /// No more scatter than the rounding of the numbers makes.
+    #[error(
+        "{} of {value} scatter by {scatter:.1e} mag, no more than the step to which they are rounded, {step} mag: as far as these digits say the light is constant, and shows no noise of its own", counted(*rows, "row")
+    )]
+    Rounded {
+        /// Number of rows.
+        rows: usize,
+        /// The median magnitude.
+        value: f64,
+        /// Standard deviation, mag.
+        scatter: f64,
+        /// Rounding step, mag.
+        step: f64,
     },
     /// Neighbours do not differ.
     #[error("more than half of the neighbours are the same number, so that they show no noise")]
@@ -265,7 +284,7 @@ impl CurveFile {
         if let Some(good) = quality(&table) {
             let lost = good.iter().filter(|g| !**g).count();
             if lost > 0 {
-                notes.push(format!("{lost} rows whose QUALITY is not 0 are left out"));
+                notes.push(format!("{} whose QUALITY is not 0 left out", counted(lost, "row")));
             }
             keep = good;
         }
@@ -299,6 +318,8 @@ pub struct Brightness {
     pub exposure_s: Vec<f64>,
     /// Whether the file says the exposures.
     pub is_exposure_known: bool,
+    /// Step to which all magnitudes of the file are rounded, mag; `None` where they have more than six decimals, as magnitudes of fluxes do.
+    pub step_mag: Option<f64>,
     /// Name of the column of magnitudes or fluxes; `magnitude` in files that have no such names.
     pub column: String,
     /// Name of the target, as the file has it; may be empty.
@@ -396,9 +417,7 @@ impl Brightness {
         let mut notes = Vec::new();
         let n_doubled = doubled.iter().filter(|d| **d).count();
         if n_doubled > 0 {
-            notes.push(format!(
-                "{n_doubled} rows stand there twice (time, light and channel are the same): each counts once"
-            ));
+            notes.push(given_twice(n_doubled, "channel"));
             rows = rows.kept(&doubled.iter().map(|d| !d).collect::<Vec<_>>());
         }
         notes.append(&mut rows.without_words_for_none());
@@ -475,6 +494,7 @@ impl Brightness {
             ]
         });
         let curve = Self {
+            step_mag: rounding_step(&rows.magnitudes),
             times: rows.times,
             exposure_s,
             flux,
@@ -510,8 +530,16 @@ impl Brightness {
                 Some(value) if n > 1 && numbers.iter().all(|m| m == value) => {
                     Unusable::Constant { rows: n, value: *value }
                 }
-                _ if longest < 8 => Unusable::Short { longest },
-                _ => Unusable::NoNoise,
+                _ if longest < 8 => Unusable::Short { rows: n, longest },
+                _ => {
+                    let scatter = deviation(&numbers);
+                    match (curve.step_mag, median(numbers.iter().copied())) {
+                        (Some(step), Some(value)) if scatter <= step => {
+                            Unusable::Rounded { rows: n, value, scatter, step }
+                        }
+                        _ => Unusable::NoNoise,
+                    }
+                }
             };
             return Err(PublishedError::NoneUsable { path: path.to_path_buf(), why });
         }
@@ -746,6 +774,33 @@ fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
         }
     }
     tracks
+}
+
+/// The decimal step, 1 down to 1e-6, of which all numbers are multiples: that to which they are rounded. `None` where there is none, or no number.
+///
+/// ```
+/// use sunglint_radiometry::light_curve::published::rounding_step;
+///
+/// assert_eq!(rounding_step(&[8.1, 8.25, f64::NAN]), Some(0.01));
+/// assert_eq!(rounding_step(&[2.0_f64.sqrt()]), None);
+/// ```
+pub fn rounding_step(values: &[f64]) -> Option<f64> {
+    values.iter().find(|v| v.is_finite())?;
+    (0..=6).map(|places| 10_f64.powi(places)).find_map(|per_unit| {
+        // A decimal read from a text is off by its last bit, and so is the product.
+        let is_multiple = |v: &f64| {
+            let scaled = v * per_unit;
+            (scaled - scaled.round()).abs() <= 4.0 * f64::EPSILON * scaled.abs()
+        };
+        values.iter().filter(|v| v.is_finite()).all(is_multiple).then(|| 1.0 / per_unit)
+    })
+}
+
+/// Standard deviation; 0 of nothing.
+fn deviation(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 /// The noise of single samples from the differences between neighbours, robustly: 1.4826 MAD/√2. `None` of fewer than eight.

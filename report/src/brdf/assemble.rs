@@ -3,6 +3,7 @@
 use crate::rounded;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_materials::assemble::files::Assembly;
 use sunglint_materials::assemble::{Assembled, Doubt};
@@ -108,7 +109,7 @@ fn of_material(made: &Assembled, nm: &[f64], inputs: &[Input]) -> Value {
 
 /// The text.
 pub fn text(made: &Assembled) -> String {
-    let mut text = format!("{} directions\n", made.used);
+    let mut text = format!("{}\n", counted(made.used, "direction"));
     let worst = made.base.iter().map(|b| b.rms).fold(0.0, f64::max);
     let _ = writeln!(
         text,

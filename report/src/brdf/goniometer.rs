@@ -5,6 +5,7 @@ use crate::plot::{Axis, Figure, Panel, Series};
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
+use sunglint_formats::text::counted;
 use sunglint_materials::goniometer::reduce::{Instrument, Reduced};
 use sunglint_materials::samples::direction;
 use sunglint_radiometry::light_curve::Input;
@@ -53,12 +54,12 @@ pub fn run_text(run: &RunSummary) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "{} of {} directions are measured, {} out of reach; {} measurements, {} readings in {}",
+        "{} of {} directions are measured, {} out of reach; {}, {} in {}",
         run.measured,
         run.directions,
         run.unreachable,
-        run.measurements,
-        run.readings,
+        counted(run.measurements, "measurement"),
+        counted(run.readings, "reading"),
         hours(run.took_s)
     );
     let _ = writeln!(
@@ -117,8 +118,8 @@ pub fn product(found: &Reduced, inputs: &[Input]) -> Result<Product, EncodeError
 pub fn text(found: &Reduced) -> String {
     let it = &found.instrument;
     let mut text = format!(
-        "{} directions at {} nm; {} not measured yet, {} out of reach, {} over range, {} refused\n",
-        found.samples.rows.len(),
+        "{} at {} nm; {} not measured yet, {} out of reach, {} over range, {} refused\n",
+        counted(found.samples.rows.len(), "direction"),
         it.wavelength_nm,
         found.left,
         found.unreachable,

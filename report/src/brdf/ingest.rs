@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
+use sunglint_formats::text::counted;
 use sunglint_materials::exchange::Exchange;
 use sunglint_materials::ingest::Ingested;
 use sunglint_materials::ingest::file::IngestedFile;
@@ -67,9 +68,9 @@ pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
     let angles: Vec<String> =
         incidences(samples).iter().map(|v| format!("{}°", (v * 1e3).round() / 1e3)).collect();
     let mut text = format!(
-        "{}: {} directions at {} nm, light from {}\n",
+        "{}: {} at {} nm, light from {}\n",
         format.map_or("a table", Exchange::name),
-        samples.rows.len(),
+        counted(samples.rows.len(), "direction"),
         nm.join(", "),
         angles.join(", ")
     );
@@ -94,9 +95,9 @@ pub fn text(found: &IngestedFile) -> String {
     let done = &found.ingested;
     let nm = &done.samples.wavelength_nm;
     let mut text = format!(
-        "{} directions, {} wavelengths from {} to {} nm\n",
-        done.samples.rows.len(),
-        nm.len(),
+        "{}, {} from {} to {} nm\n",
+        counted(done.samples.rows.len(), "direction"),
+        counted(nm.len(), "wavelength"),
         nm[0],
         nm[nm.len() - 1]
     );

@@ -2,6 +2,7 @@
 
 use crate::plot::{Axis, COLOURS, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use sunglint_calibration::stars::{CalibratedNight, Judgement, Visit};
+use sunglint_formats::text::counted;
 use sunglint_radiometry::station::Station;
 
 /// Outliers are drawn paler.
@@ -60,7 +61,7 @@ pub(super) fn nights(nights: &[CalibratedNight], station: &Station) -> Figure {
     let since = nights.first().map_or("", |n| &n.file.night);
     let x = Axis::linear(format!("days since the night of {since}"));
     Figure {
-        title: format!("Star calibration of {}, {} nights", station.name, nights.len()),
+        title: format!("Star calibration of {}, {}", station.name, counted(nights.len(), "night")),
         panels: vec![Panel::new(x, Axis::linear("kappa over its mean"), series)],
     }
 }

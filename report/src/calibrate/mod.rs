@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 use sunglint_calibration::stars::{
     CalibratedNight, CalibratedNights, MeasuredVisit, Slope, Variation,
 };
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_numerics::measured::Measured;
@@ -110,7 +111,7 @@ impl CalibrationReport<'_> {
             self.night_text(night, &mut text);
         }
         if self.found.nights.len() > 1 {
-            let _ = writeln!(text, "\nOver {} nights:", self.found.nights.len());
+            let _ = writeln!(text, "\nOver {}:", counted(self.found.nights.len(), "night"));
             for (name, found) in self.variations() {
                 let _ = writeln!(
                     text,

@@ -3,6 +3,7 @@
 mod page;
 
 use crate::Product;
+use crate::numbers::{NO_WEIGHT, percent_with_sigma};
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -246,13 +247,14 @@ fn number(value: f64) -> String {
 }
 
 fn summary(text: &mut String, g: &Summary) {
+    let mean = percent_with_sigma(g.mean_relative, g.sigma_relative)
+        .map_or_else(|| NO_WEIGHT.to_owned(), |[mean, sigma]| format!("{mean} ± {sigma}"));
     let _ = writeln!(
         text,
-        "  {:<14} {:>6} samples   mean {:+.3} ± {:.3} %   rms {:.2} of the noise",
+        "  {:<14} {:>6} {}   mean {mean}   rms {:.2} of the noise",
         g.group,
         g.samples,
-        100.0 * g.mean_relative,
-        100.0 * g.sigma_relative,
+        if g.samples == 1 { "sample " } else { "samples" },
         g.rms_pull
     );
 }
@@ -489,4 +491,25 @@ fn of_tracks(tracks: &[MagnitudeTrack]) -> Vec<String> {
         ));
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: a group whose model has no light has a mean of 0/0 ± 1/0.
+    #[test]
+    fn a_mean_that_is_no_number_is_not_known() {
+        let group = Summary {
+            group: "V".into(),
+            samples: 1,
+            mean_relative: f64::NAN,
+            sigma_relative: f64::INFINITY,
+            rms_pull: 2.0,
+        };
+        let mut text = String::new();
+        summary(&mut text, &group);
+        assert!(text.contains("1 sample ") && text.contains("mean not known (none of"), "{text}");
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+    }
 }

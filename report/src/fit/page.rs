@@ -1,6 +1,7 @@
 //! The page of a fit.
 
 use super::{number, of_averaged, of_thinned};
+use crate::numbers::{NO_WEIGHT, percent_with_sigma};
 use crate::page::{Chart, Grid, Group, Kind, Line, Page, Scale, Section};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_inference::fit::{CurveFit, PassFit};
@@ -321,12 +322,16 @@ fn residuals(answer: &PassFit) -> Section {
     let mut rows = Vec::new();
     let mut add = |by: &str, all: &[Summary]| {
         rows.extend(all.iter().map(|g| {
+            let [mean, sigma] = percent_with_sigma(g.mean_relative, g.sigma_relative).map_or_else(
+                || [NO_WEIGHT.to_owned(), String::new()],
+                |[mean, sigma]| [format!("{mean} %"), sigma],
+            );
             vec![
                 by.to_owned(),
                 g.group.clone(),
                 g.samples.to_string(),
-                format!("{:+.3} %", 100.0 * g.mean_relative),
-                format!("{:.3} %", 100.0 * g.sigma_relative),
+                mean,
+                sigma,
                 format!("{:.2}", g.rms_pull),
             ]
         }));

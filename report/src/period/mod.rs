@@ -13,6 +13,7 @@ use sunglint_analysis::period::verdict::{
     Along, Estimate, Member, Membership, Outcome, Question, Verdict,
 };
 use sunglint_analysis::period::{FlashTrain, FoundPeriod};
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table};
 
 /// A period to the second digit of its uncertainty.
@@ -79,16 +80,18 @@ pub fn text(found: &FoundPeriod) -> String {
         let span = found.series.iter().map(|s| s.span_s()).fold(0.0, f64::max);
         let by = match found.flashes.as_ref().filter(|f| f.decides) {
             Some(f) => format!("by {} phases at which it flashes", f.phases.len()),
+            None if v.harmonics == 1 => "1 harmonic stands out".to_owned(),
             None => format!("{} harmonics stand out", v.harmonics),
         };
         let turns = span / best.period_s;
         let _ = writeln!(text, "best      {}: {turns:.2} turns, {by}", with_sigma(best));
     }
     if let (Some(alarm), beside) = (v.false_alarm, v.beside) {
-        let beside = beside.map_or("not known, too few turns".to_owned(), |b| format!("{b:.1e}"));
+        let beside = beside.map_or("not known, too few turns".to_owned(), small);
         let _ = writeln!(
             text,
-            "chance    that noise does as well: at most {alarm:.1e} (white noise, correlation counted), {beside} (noise as beside its harmonics)"
+            "chance    that noise does as well: {} (white noise, correlation counted), {beside} (noise as beside its harmonics)",
+            bound(alarm)
         );
     }
     if let Some(f) = &found.flashes {
@@ -103,8 +106,7 @@ pub fn text(found: &FoundPeriod) -> String {
         let _ = writeln!(text, "searched  periods from {shortest:.5} s to {longest:.5} s");
     }
     for (harmonics, period, gain) in &v.peaks {
-        let of =
-            if *harmonics == 1 { "1 harmonic".into() } else { format!("{harmonics} harmonics") };
+        let of = counted(*harmonics, "harmonic");
         let _ = writeln!(
             text,
             "peak      of {of}, all channels: {period:.6} s, gains {gain:.1} in 2 ln L"
@@ -127,9 +129,9 @@ pub fn text(found: &FoundPeriod) -> String {
     }
     let _ = writeln!(
         text,
-        "channels  {} with {} samples, worth {:.1} independent ones; {} of the samples are independent",
+        "channels  {} with {}, worth {:.1} independent ones; {} of the samples are independent",
         found.drawn.len(),
-        found.series.iter().map(|s| s.len()).sum::<usize>(),
+        counted(found.series.iter().map(|s| s.len()).sum::<usize>(), "sample"),
         v.independent_channels / found.along.as_ref().map_or(1.0, |a| a.stretches as f64),
         percent(v.independent_samples)
     );
@@ -138,8 +140,8 @@ pub fn text(found: &FoundPeriod) -> String {
         let (n, alike) = (tracks.periods.len(), if tracks.differ() { "differ" } else { "agree" });
         let _ = writeln!(
             text,
-            "tracks    {n} with a period of their own, from {from:.5} s to {to:.5} s: they {alike} (chance {:.1e})",
-            tracks.chance
+            "tracks    {n} with a period of their own, from {from:.5} s to {to:.5} s: they {alike} (chance {})",
+            small(tracks.chance)
         );
     }
     let removed = if found.curves.removed.is_empty() {
@@ -179,7 +181,11 @@ pub fn text(found: &FoundPeriod) -> String {
 
 /// Flashes, and how they fall together.
 fn flashes(f: &FlashTrain) -> String {
-    let mut text = format!("{} flashes in {} of the samples", f.flashes, percent(f.lit));
+    let mut text = format!(
+        "{} in {} of the samples",
+        if f.flashes == 1 { "1 flash".to_owned() } else { format!("{} flashes", f.flashes) },
+        percent(f.lit)
+    );
     if let Some(refusal) = f.refusal {
         return format!("{text}: {refusal}");
     }
@@ -202,6 +208,19 @@ fn flashes(f: &FlashTrain) -> String {
             write!(text, "; displaced at random they would with a chance {}", chance_words(chance));
     }
     text
+}
+
+/// Chances below this are no numbers to read: the floats end there.
+const LEAST_CHANCE: f64 = 1e-300;
+
+/// A chance in words.
+fn small(chance: f64) -> String {
+    if chance < LEAST_CHANCE { "below 1e-300".into() } else { format!("{chance:.1e}") }
+}
+
+/// The bound of a chance in words.
+fn bound(chance: f64) -> String {
+    if chance < LEAST_CHANCE { small(chance) } else { format!("at most {chance:.1e}") }
 }
 
 /// A chance that is not read below one in a million.
@@ -420,12 +439,27 @@ fn words(q: &Question) -> String {
     let lines = match (chance, unlike) {
         (None, _) => "lines do not tell (too few turns, or harmonics folded onto them)".to_owned(),
         (Some(p), Some(u)) if *p > 1e-4 => {
-            format!("by lines not seen (chance {p:.1e}), turns alike within {}", percent(*u))
+            format!("by lines not seen (chance {}), turns alike within {}", small(*p), percent(*u))
         }
-        (Some(p), None) if *p > 1e-4 => format!("by lines not seen (chance {p:.1e})"),
-        (Some(p), _) => format!("by lines seen (chance {p:.1e})"),
+        (Some(p), None) if *p > 1e-4 => format!("by lines not seen (chance {})", small(*p)),
+        (Some(p), _) => format!("by lines seen (chance {})", small(*p)),
     };
-    let dispersion =
-        dispersion_chance.map_or(String::new(), |p| format!("; by dispersion, chance {p:.1e}"));
+    let dispersion = dispersion_chance
+        .map_or(String::new(), |p| format!("; by dispersion, chance {}", small(p)));
     format!("does {longer_s:.5} s explain more than {shorter_s:.5} s? {lines}{dispersion}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: floats end at 2.2e-308 with all their digits: below 1e-300 no digits are told, and 0 is no chance.
+    #[test]
+    fn a_chance_is_never_0() {
+        assert_eq!(
+            [bound(0.0), bound(1e-311), bound(2e-300)],
+            ["below 1e-300", "below 1e-300", "at most 2.0e-300"]
+        );
+        assert_eq!([small(0.0), small(0.031)], ["below 1e-300", "3.1e-2"]);
+    }
 }

@@ -6,6 +6,7 @@ use plotters::style::RGBColor;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::sessions::{Joined, Member, Outcome};
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table};
 use sunglint_numerics::measured::Interval;
 
@@ -126,11 +127,11 @@ pub fn text(joined: &Joined) -> String {
     let used = found.sessions.iter().filter(|s| s.zero_mag.is_some()).count();
     let _ = writeln!(
         text,
-        "sessions  {} with {} samples, a zero point each{}; {} with the best period",
+        "sessions  {} with {}, a zero point each{}; {} with the best period",
         found.sessions.len(),
-        found.samples,
+        counted(found.samples, "sample"),
         if found.rows < found.samples && found.rows > 0 {
-            format!(", put together in {} rows", found.rows)
+            format!(", put together in {}", counted(found.rows, "row"))
         } else {
             String::new()
         },

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::{Mixture, State, Unmixed, column_name, reasons};
 use sunglint_formats::flag_bits::bit_names;
+use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_inference::unmix::UnmixedCurve;
@@ -141,12 +142,12 @@ fn summary(unmixed: &UnmixedCurve, m: usize) -> (f64, f64, f64, usize) {
 pub fn text(unmixed: &UnmixedCurve) -> String {
     let count = mixtures(unmixed).count();
     let mut text = format!(
-        "{}: {} of {} samples, {} bands, {} endmembers\n",
+        "{}: {} of {}, {}, {}\n",
         title(unmixed),
         count,
-        unmixed.found.len(),
-        unmixed.bands.names.len(),
-        unmixed.bands.endmembers.len()
+        counted(unmixed.found.len(), "sample"),
+        counted(unmixed.bands.names.len(), "band"),
+        counted(unmixed.bands.endmembers.len(), "endmember")
     );
     let _ = writeln!(
         text,

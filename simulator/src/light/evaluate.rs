@@ -399,6 +399,7 @@ impl<'a> Evaluator<'a> {
                     weigh: &mut weigh,
                     tolerance: self.near.tolerance.max(material.grain()),
                     longest_m: f64::INFINITY,
+                    smooth_m: near::smooth_m(near::width(&material.width()), sun, at),
                     at,
                     range_squared: q.length_squared(),
                     facet_area: facet.area,

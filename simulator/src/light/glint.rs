@@ -381,6 +381,7 @@ impl Evaluator<'_> {
                         weigh: &mut weigh,
                         tolerance: NEAR_TOLERANCE,
                         longest_m: f64::INFINITY,
+                        smooth_m: 0.0,
                         at: DVec3::new(rel.dot(u), rel.dot(v), rel.dot(n)),
                         range_squared: q.length_squared(),
                         facet_area: facet.area,

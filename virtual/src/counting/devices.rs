@@ -47,13 +47,19 @@ impl State {
         Ok(stream(self.options.seed, Purpose::Part, number))
     }
 
-    /// The lamp at a time, s, with its flicker, over that at the begin.
-    fn lamp(&self, at_s: f64, random: &mut Random) -> f64 {
+    /// Factor of the light by the lamp's flicker; 0 where the beam is blocked.
+    fn flicker(&self, random: &mut Random) -> f64 {
         let flicker: f64 = random.sample(StandardNormal);
-        if self.is_blocked {
-            return 0.0;
-        }
-        self.options.lamp_drift(at_s) * (1.0 + self.options.lamp.flicker * flicker)
+        if self.is_blocked { 0.0 } else { 1.0 + self.options.lamp.flicker * flicker }
+    }
+
+    /// Mean over a span, s, of a drift that is straight but for the lamp that comes back.
+    fn mean(&self, begin_s: f64, length_s: f64, drift: impl Fn(f64) -> f64) -> f64 {
+        let again_s = self.options.lamp.reignites_at_s.unwrap_or(f64::INFINITY);
+        let before_s = (again_s - begin_s).clamp(0.0, length_s);
+        let after_s = length_s - before_s;
+        let part = |from_s: f64, s: f64| if s > 0.0 { s * drift(from_s + 0.5 * s) } else { 0.0 };
+        (part(begin_s, before_s) + part(begin_s + before_s, after_s)) / length_s
     }
 
     fn light(&self) -> super::light::Light {
@@ -215,8 +221,12 @@ impl Meter for VirtualPhotodiode {
         wait(deadline, reading_s, PHOTODIODE)?;
         let mut state = self.0.state();
         let mut random = state.next(PHOTODIODE)?;
-        let at_s = deadline.now().as_secs_f64() - 0.5 * reading_s;
-        let current_a = state.light().photodiode_a * state.lamp(at_s, &mut random);
+        let begin_s = deadline.now().as_secs_f64() - reading_s;
+        let at_s = begin_s + 0.5 * reading_s;
+        let options = &state.options;
+        let drift = |at_s: f64| options.lamp_drift(at_s) * options.photodiode_drift(at_s);
+        let lamp = state.flicker(&mut random) * state.mean(begin_s, reading_s, drift);
+        let current_a = state.light().photodiode_a * lamp;
         let diode = &state.options.photodiode;
         let zero_v = diode.zero_v + diode.zero_drift_v_per_h * at_s / 3600.0;
         let noise: f64 = random.sample(StandardNormal);
@@ -252,7 +262,9 @@ impl VirtualCounter {
         wait(deadline, bin_s, COUNTER)?;
         let mut state = self.rig.state();
         let mut random = state.next(COUNTER)?;
-        let lamp = state.lamp(begin_s + 0.5 * bin_s, &mut random);
+        let options = &state.options;
+        let drift = |at_s: f64| options.lamp_drift(at_s) * options.sensor_drift(at_s);
+        let lamp = state.flicker(&mut random) * state.mean(begin_s, bin_s, drift);
         let slot = (state.slot as usize).saturating_sub(1);
         let filter = state.options.wheel.get(slot).map_or(1.0, |slot| slot.transmission);
         let Options { sources, sensor, seed, .. } = &state.options;

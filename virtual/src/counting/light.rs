@@ -11,7 +11,7 @@ const POINTS: i32 = 12;
 /// Width over which an order-sorting filter and the quartz begin to pass, nm.
 const EDGE_NM: f64 = 2.0;
 
-/// What reaches the two detectors.
+/// Light that reaches the two detectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Light {
     /// Current of the photodiode, A.
@@ -96,9 +96,28 @@ impl Options {
         light
     }
 
-    /// The lamp's power at a time, s, over that at the begin.
+    /// The lamp's power at a time, s, over that at the begin, as a photodiode sees it that does not change.
     #[must_use]
     pub fn lamp_drift(&self, at_s: f64) -> f64 {
-        (1.0 + self.lamp.drift_per_h * at_s / 3600.0).max(0.0)
+        let again = if self.is_reignited(at_s) { self.lamp.reignites_power } else { 1.0 };
+        again * (1.0 + self.lamp.drift_per_h * at_s / 3600.0).max(0.0)
+    }
+
+    /// Counts of the detector for the light that an unchanged photodiode sees, at a time, s, over that at the begin: its own efficiency, and where the lamp stands.
+    #[must_use]
+    pub fn sensor_drift(&self, at_s: f64) -> f64 {
+        let aim = if self.is_reignited(at_s) { self.lamp.reignites_aim } else { 1.0 };
+        aim * (1.0 + self.sensor.drift_per_h * at_s / 3600.0).max(0.0)
+    }
+
+    /// The photodiode's responsivity at a time, s, over that at the begin.
+    #[must_use]
+    pub fn photodiode_drift(&self, at_s: f64) -> f64 {
+        let diode = &self.photodiode;
+        1.0 - diode.settles_relative * (-at_s / 3600.0 / diode.settles_h).exp_m1()
+    }
+
+    fn is_reignited(&self, at_s: f64) -> bool {
+        self.lamp.reignites_at_s.is_some_and(|again_s| at_s >= again_s)
     }
 }

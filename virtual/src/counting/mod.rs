@@ -8,4 +8,5 @@
 pub mod detector;
 pub mod devices;
 pub mod light;
+mod mppc;
 pub mod options;

@@ -9,6 +9,9 @@
 //! intensity_w_per_sr_nm = 3e-6  # at its peak, behind the exit slit
 //! drift_per_h = 0.0             # relative
 //! flicker = 0.0                 # of each reading and exposure, relative standard deviation
+//! reignites_at_s = 1800         # it goes out and comes back at once, at another place; never by default
+//! reignites_power = 1.0         # its power then, over that before
+//! reignites_aim = 1.0           # its light on the detector over that on the photodiode then, over that before
 //!
 //! [monochromator]
 //! bandwidth_nm = 4              # full width at half maximum of a triangle
@@ -26,6 +29,8 @@
 //! wavelength_nm = [350, 400, 500, 600, 700, 800, 900, 1000, 1100]
 //! responsivity_a_per_w = [0.10, 0.17, 0.28, 0.36, 0.44, 0.51, 0.56, 0.50, 0.15]
 //! scale = 1.0                   # what it really is, over this table
+//! settles_relative = 0.0        # its responsivity ends so much above that of the begin, relative,
+//! settles_h = 1.0               # and goes there exponentially, with this time constant
 //! load_ohm = 1e9
 //! noise_v = 1e-4
 //! zero_v = 2e-3
@@ -36,14 +41,19 @@
 //! distance_mm = 150
 //!
 //! [sensor]
-//! efficiency = 0.3              # at its peak
+//! efficiency = 0.3              # at its peak, at the begin
+//! drift_per_h = 0.0             # of that, relative
 //! peak_nm = 650
 //! width_nm = 180                # of a Gaussian
-//! kind = "non_paralysable"      # perfect, non_paralysable, paralysable, pixels
+//! kind = "non_paralysable"      # perfect, non_paralysable, paralysable, recovery, pixels, mppc
 //! dead_time_ns = 1000
-//! pixels = 667                  # of "pixels"
-//! recovery_ns = 50              # of a pixel
-//! pulse_ns = 20                 # at the comparator
+//! pixels = 667                  # of "pixels" and "mppc"
+//! recovery_ns = 50              # time constant, of a pixel; of "recovery" after the dead time
+//! pulse_ns = 20                 # at the comparator: width of a pulse, of "mppc" time constant of its decay
+//! level = 0.5                   # of the comparator of "mppc", in pulses of a full pixel
+//! crosstalk = 0.0               # of "mppc": chance that an avalanche fires another pixel at once
+//! afterpulse = 0.0              # chance that it leaves a charge in its own,
+//! afterpulse_ns = 50            # which comes after this time constant
 //! dark_hz = 300
 //! transmission = 1e-2           # of what stands before it
 //! area_mm2 = 0.005
@@ -72,8 +82,12 @@ pub enum Kind {
     NonParalysable,
     /// Deaf after each event.
     Paralysable,
-    /// Many pixels behind one comparator.
+    /// Deaf after each count, then recovering exponentially.
+    Recovery,
+    /// Many pixels behind one comparator, their pulses all of one width and height.
     Pixels,
+    /// Many pixels whose pulses, decaying and as high as the pixel was charged, add up before one comparator.
+    Mppc,
 }
 
 section!(
@@ -115,6 +129,12 @@ section!(
         drift_per_h: f64 = 0.0,
         /// Relative standard deviation of each reading and exposure.
         flicker: f64 = 0.0,
+        /// When it goes out and comes back at once, s.
+        reignites_at_s: Option<f64> = None,
+        /// Power when it is back, over that before.
+        reignites_power: f64 = 1.0,
+        /// Light on the detector over that on the photodiode when it is back, over that before.
+        reignites_aim: f64 = 1.0,
     }
 );
 
@@ -153,8 +173,12 @@ section!(
         wavelength_nm: Vec<f64> = vec![350.0, 400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1100.0],
         /// Responsivity, A W⁻¹.
         responsivity_a_per_w: Vec<f64> = vec![0.10, 0.17, 0.28, 0.36, 0.44, 0.51, 0.56, 0.50, 0.15],
-        /// Its real responsivity over this table.
+        /// Real responsivity over that of this table.
         scale: f64 = 1.0,
+        /// Responsivity long after the begin over that at the begin, less 1.
+        settles_relative: f64 = 0.0,
+        /// Time constant with which it goes there, h.
+        settles_h: f64 = 1.0,
         /// Amplifier, V A⁻¹.
         load_ohm: f64 = 1e9,
         /// Standard deviation of a reading, V.
@@ -177,8 +201,10 @@ section!(
 section!(
     /// The detector.
     Sensor {
-        /// Efficiency at its peak.
+        /// Efficiency at its peak, at the begin.
         efficiency: f64 = 0.3,
+        /// Relative change of the efficiency, per hour.
+        drift_per_h: f64 = 0.0,
         /// Wavelength of the peak, nm.
         peak_nm: f64 = 650.0,
         /// Width of the Gaussian, nm.
@@ -191,8 +217,16 @@ section!(
         pixels: u32 = 667,
         /// Time constant of a pixel's recovery, ns.
         recovery_ns: f64 = 50.0,
-        /// Width of a pulse at the comparator, ns.
+        /// Width of a pulse at the comparator, ns; of an MPPC the time constant of its decay.
         pulse_ns: f64 = 20.0,
+        /// Level of an MPPC's comparator, pulses of a full pixel.
+        level: f64 = 0.5,
+        /// Chance that an avalanche of an MPPC fires another pixel.
+        crosstalk: f64 = 0.0,
+        /// Chance that it leaves a charge that comes later.
+        afterpulse: f64 = 0.0,
+        /// Time constant after which that comes, ns.
+        afterpulse_ns: f64 = 50.0,
         /// Events in the dark, Hz.
         dark_hz: f64 = 300.0,
         /// Transmission of what stands before it.
@@ -248,6 +282,9 @@ impl Options {
             ("lamp.intensity_w_per_sr_nm", lamp.intensity_w_per_sr_nm, SIZE),
             ("lamp.drift_per_h", lamp.drift_per_h, ANY),
             ("lamp.flicker", lamp.flicker, PART),
+            ("lamp.reignites_at_s", lamp.reignites_at_s.unwrap_or(0.0), SIZE),
+            ("lamp.reignites_power", lamp.reignites_power, SIZE),
+            ("lamp.reignites_aim", lamp.reignites_aim, SIZE),
             ("monochromator.bandwidth_nm", grating.bandwidth_nm, POSITIVE),
             ("monochromator.second_order", grating.second_order, PART),
             ("monochromator.offset_nm", grating.offset_nm, ANY),
@@ -256,6 +293,12 @@ impl Options {
             ("monochromator.range_nm", grating.range_nm[0], SIZE),
             ("monochromator.range_nm", grating.range_nm[1] - grating.range_nm[0], POSITIVE),
             ("photodiode.scale", diode.scale, POSITIVE),
+            (
+                "photodiode.settles_relative",
+                diode.settles_relative,
+                (-1.0, 1e3, "a number from -1 to 1000"),
+            ),
+            ("photodiode.settles_h", diode.settles_h, POSITIVE),
             ("photodiode.load_ohm", diode.load_ohm, (f64::MIN_POSITIVE, 1e15, "a number above 0")),
             ("photodiode.noise_v", diode.noise_v, SIZE),
             ("photodiode.zero_v", diode.zero_v, ANY),
@@ -265,12 +308,17 @@ impl Options {
             ("photodiode.area_mm2", diode.area_mm2, POSITIVE),
             ("photodiode.distance_mm", diode.distance_mm, POSITIVE),
             ("sensor.efficiency", sensor.efficiency, PART),
+            ("sensor.drift_per_h", sensor.drift_per_h, ANY),
             ("sensor.peak_nm", sensor.peak_nm, POSITIVE),
             ("sensor.width_nm", sensor.width_nm, POSITIVE),
             ("sensor.dead_time_ns", sensor.dead_time_ns, SIZE),
             ("sensor.pixels", f64::from(sensor.pixels), POSITIVE),
             ("sensor.recovery_ns", sensor.recovery_ns, POSITIVE),
             ("sensor.pulse_ns", sensor.pulse_ns, SIZE),
+            ("sensor.level", sensor.level, POSITIVE),
+            ("sensor.crosstalk", sensor.crosstalk, (0.0, 0.9, "a chance from 0 to 0.9")),
+            ("sensor.afterpulse", sensor.afterpulse, (0.0, 0.9, "a chance from 0 to 0.9")),
+            ("sensor.afterpulse_ns", sensor.afterpulse_ns, POSITIVE),
             ("sensor.dark_hz", sensor.dark_hz, SIZE),
             ("sensor.transmission", sensor.transmission, PART),
             ("sensor.area_mm2", sensor.area_mm2, POSITIVE),

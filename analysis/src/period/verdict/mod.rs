@@ -85,7 +85,19 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
     };
     answer.searched_s = Some((1.0 / range.highest_hz, 1.0 / range.lowest_hz));
     Search { series: &used, range, centred: centred(&used) }.run(&mut answer)?;
+    if let Outcome::NotEnough(_) = answer.outcome
+        && let Some(reason) = rounded_away(&used)
+    {
+        answer.outcome = Outcome::NotEnough(reason);
+    }
     Ok(answer)
+}
+
+/// Constant light, where no channel scatters by more than its rounding.
+fn rounded_away(series: &[&Series]) -> Option<Reason> {
+    let all: Option<Vec<(f64, f64)>> = series.iter().map(|s| s.rounded_away()).collect();
+    let (scatter_mag, step_mag) = all?.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(Reason::Rounded { scatter_mag, step_mag })
 }
 
 fn centred<'a>(series: &[&'a Series]) -> Vec<Centred<'a>> {

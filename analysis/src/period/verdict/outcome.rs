@@ -1,6 +1,7 @@
 //! Question of a period search, and its answer.
 
 use crate::period::PeriodError;
+use sunglint_formats::text::counted;
 
 /// Options of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -61,7 +62,7 @@ fn small(chance: f64) -> String {
 #[non_exhaustive]
 pub enum Reason {
     /// Too few samples everywhere.
-    #[error("the longest channel has {samples} samples that count, at least {least} are needed")]
+    #[error("the longest channel has {} that count, at least {least} are needed", counted(*samples, "sample"))]
     Samples {
         /// Samples of the longest channel.
         samples: usize,
@@ -71,6 +72,16 @@ pub enum Reason {
     /// No light that changes.
     #[error("the light is constant in every channel")]
     Constant,
+    /// No period stands out, and no more scatter than the rounding makes.
+    #[error(
+        "the light is constant as far as its digits say: it scatters by {scatter_mag:.4} mag, no more than the step of {step_mag} mag to which the magnitudes are rounded, and nothing in it repeats"
+    )]
+    Rounded {
+        /// Standard deviation of the light in the channel where it is largest, mag.
+        scatter_mag: f64,
+        /// Rounding step there, mag.
+        step_mag: f64,
+    },
     /// No period between sampling and span.
     #[error(
         "samples every {step_s:.4} s (exposures up to {exposure_s:.4} s) over {span_s:.4} s leave no period to look for: the shortest that they show is {shortest_s:.4} s, the longest {longest_s:.4} s"

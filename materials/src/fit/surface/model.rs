@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use serde::Serialize;
+use std::cell::RefCell;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::OnceLock;
 use sunglint_numerics::gauss::legendre;
@@ -203,7 +204,7 @@ impl Recipe {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Term {
     Constant,
     Schlick(f64),
@@ -245,6 +246,70 @@ pub struct Surface {
     mirror: Option<Mirror>,
     diffuse: f64,
     power: f64,
+}
+
+/// Integrals that were taken last: a fit changes one number at a time, on which most of the lobes do not depend.
+#[derive(Debug, Default)]
+struct Known {
+    values: Vec<(f64, Shape, Term, f64)>,
+    next: usize,
+}
+
+/// Number of integrals that are kept: those of some twenty steps of three lobes at six incidences.
+const KEPT: usize = 256;
+
+thread_local! {
+    static KNOWN: RefCell<Known> = RefCell::default();
+}
+
+impl Known {
+    /// ∫ f cosθ_o dω_o of a lobe before which 1 stands.
+    fn albedo(&mut self, lobe: &Part, rise: Term, cos: f64) -> f64 {
+        let same = |k: &&(f64, Shape, Term, f64)| k.0 == cos && k.1 == lobe.shape && k.2 == rise;
+        if let Some(found) = self.values.iter().find(same) {
+            return found.3;
+        }
+        let value = lobe.albedo(rise, cos);
+        let new = (cos, lobe.shape, rise, value);
+        match self.values.get_mut(self.next) {
+            Some(old) => *old = new,
+            None => self.values.push(new),
+        }
+        self.next = (self.next + 1) % KEPT;
+        value
+    }
+}
+
+impl Part {
+    /// ∫ f cosθ_o dω_o before which 1 stands, in rings about the mirrored direction.
+    fn albedo(&self, rise: Term, cos: f64) -> f64 {
+        static RULE: OnceLock<[Vec<(f64, f64)>; 2]> = OnceLock::new();
+        let [radial, around] = RULE.get_or_init(|| [legendre(14), legendre(6)]);
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let i = DVec3::new(sin, 0.0, cos);
+        let knee = self.width.clamp(1e-4, 1.0);
+        let mut sum = 0.0;
+        for (phi, w) in around {
+            let (y, x) = (0.5 * PI * (phi + 1.0)).sin_cos();
+            // To the rim of the disc.
+            let rim = sin * x + (sin * sin * x * x + cos * cos).sqrt();
+            let end = (rim / knee).asinh();
+            for (t, v) in radial {
+                // The hyperbolic sine and cosine of where the node is.
+                let grown = (0.5 * end * (t + 1.0)).exp();
+                let (sinh, cosh) = (0.5 * (grown - grown.recip()), 0.5 * (grown + grown.recip()));
+                let r = knee * sinh;
+                let (ox, oy) = (-sin + r * x, r * y);
+                let z2 = 1.0 - ox * ox - oy * oy;
+                if z2 > 0.0 {
+                    let o = DVec3::new(ox, oy, z2.sqrt());
+                    let f = self.shape.value(i, o) * rise.at(0.5 * (i + o).length());
+                    sum += PI * w * 0.5 * end * v * knee * cosh * r * f;
+                }
+            }
+        }
+        sum
+    }
 }
 
 /// Beyond so many widths nothing of a mirror is left.
@@ -319,37 +384,14 @@ impl Surface {
         Some(cosines.iter().map(|cos| self.albedo(*cos)).collect())
     }
 
-    /// ∫ f cosθ_o dω_o, lobe by lobe in rings about the mirrored direction.
+    /// ∫ f cosθ_o dω_o.
     fn albedo(&self, cos: f64) -> f64 {
-        static RULE: OnceLock<[Vec<(f64, f64)>; 2]> = OnceLock::new();
-        let [radial, around] = RULE.get_or_init(|| [legendre(14), legendre(6)]);
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let i = DVec3::new(sin, 0.0, cos);
         let mut sum = self.diffuse * cos.powf(self.power);
         if let Some(m) = self.mirror {
             sum += m.share * self.rise.at(cos) * (-(m.g * cos).powi(2)).exp();
         }
         for lobe in &self.lobes {
-            for (phi, w) in around {
-                let (y, x) = (0.5 * PI * (phi + 1.0)).sin_cos();
-                // To the rim of the disc.
-                let rim = sin * x + (sin * sin * x * x + cos * cos).sqrt();
-                let knee = lobe.width.clamp(1e-4, 1.0);
-                let end = (rim / knee).asinh();
-                for (t, v) in radial {
-                    let t = 0.5 * end * (t + 1.0);
-                    let r = knee * t.sinh();
-                    let (ox, oy) = (-sin + r * x, r * y);
-                    let z2 = 1.0 - ox * ox - oy * oy;
-                    if z2 > 0.0 {
-                        let o = DVec3::new(ox, oy, z2.sqrt());
-                        let f = lobe.scale
-                            * lobe.shape.value(i, o)
-                            * self.rise.at(0.5 * (i + o).length());
-                        sum += PI * w * 0.5 * end * v * knee * t.cosh() * r * f;
-                    }
-                }
-            }
+            sum += lobe.scale * KNOWN.with_borrow_mut(|known| known.albedo(lobe, self.rise, cos));
         }
         sum
     }

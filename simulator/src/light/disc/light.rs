@@ -406,12 +406,7 @@ impl Evaluator<'_> {
         let tolerance = now.sun.options.tolerance;
         let averager = &mut self.disc.averager;
         // What is averaged is as wide as the disc or the lobe, whichever is wider.
-        let width = match material.width() {
-            crate::surface::Width::Even => f64::INFINITY,
-            crate::surface::Width::Lobe { lobe, .. } => 0.5 * lobe.narrowest(),
-            crate::surface::Width::Other(width) => 0.25 * width,
-            crate::surface::Width::Mirror(_) => 0.0,
-        };
+        let width = disc.sine.max(near::width(&material.width()));
         let mut open = 0.0_f64;
         let mut weigh = |to: DVec3, scale: f64, out: &mut [f64]| {
             averager.facet(material, disc, to, now.earth, tolerance);
@@ -421,7 +416,8 @@ impl Evaluator<'_> {
         let mut task = near::Task {
             weigh: &mut weigh,
             tolerance: tolerance.max(near::TOLERANCE).max(material.grain()),
-            longest_m: 0.5 * disc.sine.max(width) * rel.length(),
+            longest_m: 0.5 * width * rel.length(),
+            smooth_m: near::smooth_m(width, disc.middle, at),
             at,
             range_squared: eye.length_squared(),
             facet_area: facet.area,

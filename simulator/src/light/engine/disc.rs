@@ -53,9 +53,12 @@ fn of_sphere(half_cos: f64, gloss: bool, sun_radius_rad: f64) -> f64 {
 const OFTEN: f64 = 0.05;
 /// Patches that are looked at in all directions together, at most: some 0.1 s.
 const MOST_LOOKS: usize = 100_000;
+/// Directions that are looked at, at most: a part of 0.05 is found to 0.01, and a fit looks again at each body that it tries.
+const MOST_DIRECTIONS: usize = 500;
 
 /// Change by the disc beside all light, over the directions that occur.
-struct Looked {
+#[derive(Debug)]
+pub struct Looked {
     /// The part of the directions at which it changes the light by more than the tolerance.
     often: f64,
     /// The largest share of the light that it changes, 1 at most.
@@ -69,7 +72,8 @@ impl Looked {
         let (mut count, mut share) = (0, 0.0_f64);
         let mut change = Change::default();
         let all = question.course.aspects.iter().len();
-        let step = (all * body.patches.len()).div_ceil(MOST_LOOKS).max(1);
+        let step = (all * body.patches.len()).div_ceil(MOST_LOOKS);
+        let step = step.max(all.div_ceil(MOST_DIRECTIONS)).max(1);
         for [sun, to] in question.course.aspects.iter().step_by(step) {
             change.look((scene, body), sun, to, radius);
             let bright = |row: &[f64]| -> f64 {
@@ -156,7 +160,7 @@ fn look(question: &Question) -> (bool, f64, String) {
     let mut bound = lobe.max(horizon);
     let mut needed = options.needs(switch, bound);
     let edge = if flat {
-        let own = Looked::at(question);
+        let own = question.disc.get_or_init(|| Looked::at(question));
         let beside = own.often > OFTEN;
         needed |= beside && switch == Switch::Auto;
         let here = if beside {

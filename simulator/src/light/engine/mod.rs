@@ -36,6 +36,7 @@ use super::{
 };
 use crate::target::Target;
 use body::Body;
+use std::cell::OnceCell;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -56,6 +57,8 @@ pub struct Question<'a> {
     pub earth: &'a Arc<EarthAlbedo>,
     /// Answers of the effects before this one.
     pub answered: &'a [Need],
+    /// Change by the Sun's disc over the directions of the course, once looked at.
+    pub disc: &'a OnceCell<disc::Looked>,
 }
 
 /// Answer of an effect.
@@ -149,11 +152,20 @@ impl Engine {
         course: &Course,
         earth: &Arc<EarthAlbedo>,
     ) -> Result<Self, SceneError> {
-        let mut scene = prepared(target, options, course, earth)?;
+        let looked = OnceCell::new();
+        let mut scene = prepared(target, options, course, earth, &looked)?;
         scene.tabulate_spheres();
         let body = Body::new(&scene)?;
-        let question =
-            Question { target, scene: &scene, body: &body, options, course, earth, answered: &[] };
+        let question = Question {
+            target,
+            scene: &scene,
+            body: &body,
+            options,
+            course,
+            earth,
+            answered: &[],
+            disc: &looked,
+        };
         let mut needs = Vec::new();
         let (mut terms, mut parts, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
         for assess in EFFECTS {
@@ -254,6 +266,7 @@ fn prepared(
     options: &Options,
     course: &Course,
     earth: &Arc<EarthAlbedo>,
+    looked: &OnceCell<disc::Looked>,
 ) -> Result<Scene, SceneError> {
     // A part of the tolerance is for all others.
     let sun = SunOptions {
@@ -271,8 +284,16 @@ fn prepared(
         other => other?,
     };
     let body = Body::new(&scene)?;
-    let question =
-        Question { target, scene: &scene, body: &body, options, course, earth, answered: &[] };
+    let question = Question {
+        target,
+        scene: &scene,
+        body: &body,
+        options,
+        course,
+        earth,
+        answered: &[],
+        disc: looked,
+    };
     if sun.eclipse || disc::is_modelled(&question) {
         scene.under_sun(target, sun);
     }

@@ -11,7 +11,8 @@ use super::functionals::Functionals;
 use super::simulate::first_error;
 use super::{BANDS, Pass, PassError, Place};
 use crate::attitude::Attitude;
-use crate::light::{Engine, Term};
+use crate::light::engine::{Aspects, Switch};
+use crate::light::{Course, Engine, Term};
 use crate::target::Target;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -30,6 +31,8 @@ pub struct Study {
     times: Vec<hifitime::Epoch>,
     offset_s: f64,
     places: Vec<Place>,
+    /// Facts about the places and the attitude that decide about the engine; `None` until they are asked for.
+    course: Option<Course>,
     engine: Engine,
     functionals: Functionals,
     /// Mean transmissions of each epoch; `None` below the horizon.
@@ -61,7 +64,8 @@ impl Study {
         }
         pass.check()?;
         let places = pass.places(&|| ())?;
-        let engine = pass.engine(&pass.course(&places))?;
+        let course = course(&pass, &places);
+        let engine = pass.engine(&course)?;
         let functionals = Functionals::new(&pass, engine.terms(), engine.lit_terms())?;
         let times = pass.times.clone();
         let mut study = Self {
@@ -71,6 +75,7 @@ impl Study {
             times,
             offset_s: 0.0,
             places,
+            course: Some(course),
             engine,
             functionals,
             transmissions: Vec::new(),
@@ -100,6 +105,7 @@ impl Study {
         match first_error(turned) {
             Ok(places) => {
                 self.places = places;
+                self.course = None;
                 Ok(())
             }
             Err(error) => {
@@ -116,7 +122,8 @@ impl Study {
     pub fn set_target(&mut self, target: Target) -> Result<(), PassError> {
         let former = std::mem::replace(&mut self.pass.target, target);
         let mut replace = || -> Result<(), PassError> {
-            let engine = self.pass.engine(&self.pass.course(&self.places))?;
+            let course = self.course.get_or_insert_with(|| course(&self.pass, &self.places));
+            let engine = self.pass.engine(course)?;
             if !same_spectra(&self.engine, &engine) {
                 self.functionals =
                     Functionals::new(&self.pass, engine.terms(), engine.lit_terms())?;
@@ -150,6 +157,7 @@ impl Study {
         let offset = hifitime::Duration::from_seconds(self.offset_s);
         self.pass.times = self.times.iter().map(|t| *t + offset).collect();
         self.places = self.pass.places(&|| ())?;
+        self.course = None;
         self.look_through_air()
     }
 
@@ -221,6 +229,15 @@ impl Study {
         self.transmissions = first_error(through.collect())?;
         Ok(())
     }
+}
+
+/// Facts about a pass for engines that nobody asks why. Directions decide about the Sun's disc alone, and only where it is neither switched on nor off.
+fn course(pass: &Pass, places: &[Place]) -> Course {
+    let mut course = pass.course(places);
+    if pass.effects.solar_disc != Switch::Auto {
+        course.aspects = Aspects::default();
+    }
+    course
 }
 
 /// Whether two engines have light of the same spectra in the same order. Terms that have errors alone do not matter here.
