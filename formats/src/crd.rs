@@ -612,6 +612,13 @@ mod tests {
             refused("H1 CRD 2 2026 1 1 1\nH1 CRD 1 2026 1 1 1").starts_with("a.crd:2: H1 version")
         );
         assert!(refused("H1 CRD 2 2026 1 1 1\nH4 0 2026 1").starts_with("a.crd:2: H4 begin"));
+        assert!(refused("H1 CRD 2 2026 1 1 99999999999999999999").contains("H1 date"));
+        assert!(refused(&V2.replace("11 3723.5", "11 1e999")).contains("11 second of day"));
+        assert!(refused(&V2.replace("std 2 120 18", "std 2 120 1.5")).contains("11 shots"));
+        assert!(
+            refused("H1 CRD 1 2026 1 1 1\nH2 \u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}")
+                .starts_with("a.crd:2: H2")
+        );
         assert!(refused("H1 CRD 2 2026 1 1 70000").contains("year, month, day and hour"));
         assert!(
             refused(&V2.replace("0.045123456789 std 2 2", "NaN std 2 2")).contains("found `NaN`")
