@@ -160,7 +160,7 @@ fn piece(pass: &Pass, asked: Option<NonZeroUsize>, lasers: &[&Laser]) -> NonZero
     epochs.or_else(|| NonZeroUsize::new(pass.times.len())).unwrap_or(NonZeroUsize::MIN)
 }
 
-/// What a simulation is asked for: files of range data apart from the others.
+/// Options of a simulation, with the files of range data apart from the others.
 struct Asked<'a> {
     args: &'a SimulateArgs,
     out: &'a OutputArgs,

@@ -299,7 +299,7 @@ fn the_commands_of_the_page_run() {
 const RANGING: &str = r#"
 [[laser]]
 name = "slr"
-wavelength_nm = 532
+wavelength_nm = 1064
 linewidth_nm = 1
 pulse_energy_mj = 1e12
 pulse_length_ns = 1e-3

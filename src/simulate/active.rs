@@ -48,7 +48,7 @@ pub(super) fn lasers<'a>(pass: &'a Pass, names: &[String]) -> anyhow::Result<Vec
     Ok(chosen)
 }
 
-/// What a file of range data holds, by its extension.
+/// Content of a file of range data, by its extension.
 fn content(path: &Path) -> Option<Content> {
     let extension = path.extension()?.to_string_lossy().to_ascii_lowercase();
     Content::of_extension(&extension)

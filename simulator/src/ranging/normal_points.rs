@@ -66,7 +66,7 @@ impl Moments {
 pub struct NormalPoint {
     /// Number of the return that stands for all, among those that went in.
     pub nearest: usize,
-    /// What is added to that return's time of flight, s.
+    /// Shift of that return's time of flight, s.
     pub shift_s: f64,
     /// Begin of the bin, s after 0 h UTC of the first day.
     pub from_s: f64,

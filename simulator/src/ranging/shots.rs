@@ -76,7 +76,7 @@ pub struct Detection {
 /// All shots of a laser along a pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shots {
-    /// What was recorded, in the order of time.
+    /// Recorded shots, in the order of time.
     pub detections: Vec<Detection>,
     /// Time between shots, s.
     pub period_s: f64,
@@ -184,7 +184,7 @@ struct Drawn {
     gain: Option<Gamma<f64>>,
 }
 
-/// What a shot yields against the prediction, s, and whether that is noise.
+/// The receiver of a shot: [`Receiver::shot`] is the recorded time against the prediction, s, and whether that is noise.
 struct Receiver {
     gate_s: f64,
     jitter_s: f64,
