@@ -205,11 +205,12 @@ impl OutputArgs {
         self.finish_raw(product, others, text.as_bytes(), console)
     }
 
-    /// Finishes as [`OutputArgs::finish`] does, with files of the product that were written while it was made.
+    /// Finishes as [`OutputArgs::finish_with`] does, with files of the product that were written while it was made.
     pub fn finish_made(
         &self,
         product: &Product,
         made: Made,
+        others: Vec<(PathBuf, Vec<u8>)>,
         text: &str,
         console: Console,
     ) -> anyhow::Result<()> {
@@ -217,7 +218,7 @@ impl OutputArgs {
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        self.finish_all(product, made, Vec::new(), text.as_bytes(), console)
+        self.finish_all(product, made, others, text.as_bytes(), console)
     }
 
     /// Finishes as [`OutputArgs::finish_with`] does, with a text of any bytes, which are printed as they are: names of files need not be UTF-8.

@@ -57,6 +57,9 @@ pub struct SimulateArgs {
     /// Only this laser; may be given several times
     #[arg(long, value_name = "NAME", requires = "active")]
     pub laser: Vec<String>,
+    /// Number from which detections are drawn, for range data (`-o FILE.crd`, .frd or .npt)
+    #[arg(long, value_name = "N", requires = "active", default_value_t = 0)]
+    pub seed: u64,
     /// Epochs that are computed and written at once, for tests: results do not depend on it
     #[arg(long, hide = true, value_name = "EPOCHS")]
     pub piece_epochs: Option<NonZeroUsize>,
@@ -71,7 +74,13 @@ pub struct SimulateArgs {
 /// Simulates a pass.
 pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
-    args.out.check()?;
+    let (out, ranges) = args.out.parted(active::is_range_data);
+    out.check()?;
+    ranges.check_targets(ranges.output.iter().map(PathBuf::as_path))?;
+    if let Some(path) = ranges.output.first().filter(|_| !args.active) {
+        let text = format!("-o {}: range data need --active", path.display());
+        return Err(Usage(text).into());
+    }
     if let Some(step_s) = args.step_s
         && !(step_s.is_finite() && step_s > 0.0)
     {
@@ -90,22 +99,26 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     };
     let pass = read(&args.pass, &args.station, overrides)?;
     let [curve, geometry, spectra] = names(&pass);
-    args.out.check_names(&[
+    out.check_names(&[
         format!("{curve}.ecsv"),
         format!("{geometry}.ecsv"),
         format!("{spectra}.fits"),
     ])?;
     let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
+    if !ranges.output.is_empty() {
+        active::check_ranging(&lasers, console)?;
+    }
     clean_up_on_signals()?;
     let name = args.pass.display().to_string();
-    let shown = show(&pass, &name, args, &lasers, console)?;
-    if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
+    let asked = Asked { args, out: &out, ranges: &ranges.output, lasers: &lasers };
+    let shown = show(&pass, &name, &asked, console)?;
+    if !shown.has_light && out.output.iter().any(|p| is_picture(p)) {
         bail!(
             "{}: there is no light to draw in any sample (see the warnings); write a table instead",
             args.pass.display()
         );
     }
-    args.out.finish_made(&shown.product, shown.made, &shown.text, console)
+    out.finish_made(&shown.product, shown.made, shown.ranges, &shown.text, console)
 }
 
 /// Reads a scene file and what it names; the station is the one that is asked for, else the file's, else the usual one.
@@ -131,6 +144,8 @@ struct Shown {
     pub product: Product,
     /// Tables.
     pub made: Made,
+    /// Files of range data.
+    pub ranges: Vec<(PathBuf, Vec<u8>)>,
     /// The summary as text.
     pub text: String,
     /// Whether any sample has light.
@@ -145,14 +160,17 @@ fn piece(pass: &Pass, asked: Option<NonZeroUsize>, lasers: &[&Laser]) -> NonZero
     epochs.or_else(|| NonZeroUsize::new(pass.times.len())).unwrap_or(NonZeroUsize::MIN)
 }
 
+/// Options of a simulation, with the files of range data apart from the others.
+struct Asked<'a> {
+    args: &'a SimulateArgs,
+    out: &'a OutputArgs,
+    ranges: &'a [PathBuf],
+    lasers: &'a [&'a Laser],
+}
+
 /// Simulates a pass, with the returns of some lasers, writes its tables as they are made, and says on stderr what a person should hear of; `name` is that of its file.
-fn show(
-    pass: &Pass,
-    name: &str,
-    args: &SimulateArgs,
-    lasers: &[&Laser],
-    console: Console,
-) -> anyhow::Result<Shown> {
+fn show(pass: &Pass, name: &str, asked: &Asked<'_>, console: Console) -> anyhow::Result<Shown> {
+    let Asked { args, out, ranges, lasers } = *asked;
     let polarised = args.polarisation;
     let clock = Clock::new(pass.times.len(), console);
     let epochs = piece(pass, args.piece_epochs, lasers);
@@ -160,7 +178,7 @@ fn show(
         active::warn_of_memory(pass, lasers, console);
     }
     let mut gathered = Gathered::new(pass);
-    let mut files = Files::new(pass, &args.out, lasers.is_empty())?;
+    let mut files = Files::new(pass, out, lasers.is_empty())?;
     let mut returned = None;
     let extras = Extras { material: true, polarisation: polarised };
     let bounds = pass.simulate_in_pieces_with(
@@ -171,7 +189,10 @@ fn show(
             gathered.add(piece);
             files.push(pass, piece).map_err(Stopped::Files)?;
             if !lasers.is_empty() {
-                returned = Some(active::of(piece.simulation, lasers).map_err(Stopped::Files)?);
+                returned = Some(
+                    active::of(piece.simulation, lasers, (ranges, args.seed))
+                        .map_err(Stopped::Files)?,
+                );
             }
             Ok(())
         },
@@ -200,7 +221,13 @@ fn show(
     let report =
         SimulationReport { gathered: &gathered, polarised, bounds, cost, warnings: &warnings };
     let (product, text) = (report.product(), report.text());
-    let mut shown = Shown { product, made: files.made()?, text, has_light: totals.has_light };
+    let mut shown = Shown {
+        product,
+        made: files.made()?,
+        ranges: Vec::new(),
+        text,
+        has_light: totals.has_light,
+    };
     if let Some(returned) = returned {
         active::add(&mut shown, returned, console);
     }

@@ -4,6 +4,7 @@
 
 use crate::common::Folder;
 use std::f64::consts::PI;
+use sunglint_formats::crd::{self, Record};
 use sunglint_formats::ecsv;
 use sunglint_formats::fits::Fits;
 
@@ -292,4 +293,156 @@ fn the_commands_of_the_page_run() {
     assert!((mean(&sigma) / 15e6 - 1.0).abs() < 0.2, "{}", mean(&sigma));
     assert!((-0.251..-0.242).contains(&mean(&offset)), "{}", mean(&offset));
     assert!(seen.iter().all(|k| (33.0..38.3).contains(&urad[*k])), "{urad:?}");
+}
+
+/// A station of the shop and a laser that delivers range data: pulses so strong that each shot returns, and so short that a return is where the body is.
+const RANGING: &str = r#"
+[[laser]]
+name = "slr"
+wavelength_nm = 1064
+linewidth_nm = 1
+pulse_energy_mj = 1e12
+pulse_length_ns = 1e-3
+repetition_rate_hz = 10
+divergence_arcsec = 5
+beam_radius_m = 0.06
+receiver = "id400"
+[laser.ranging]
+station = "SHOP"
+pad = 7839
+system = 34
+occupancy = 2
+network = "TEST"
+ilrs_id = 1234567
+normal_point_s = 15
+gate_ns = 10
+"#;
+
+/// Where the site of the built-in station is in the axes of the ITRS, m: WGS 84 (a = 6,378,137 m, 1/f = 298.257223563), written out.
+fn site_itrs_m(latitude_deg: f64, longitude_deg: f64, height_m: f64) -> [f64; 3] {
+    let (a, f) = (6_378_137.0, 1.0 / 298.257_223_563);
+    let e2 = f * (2.0 - f);
+    let ((s, c), (sl, cl)) =
+        (latitude_deg.to_radians().sin_cos(), longitude_deg.to_radians().sin_cos());
+    let n = a / (1.0 - e2 * s * s).sqrt();
+    [(n + height_m) * c * cl, (n + height_m) * c * sl, (n * (1.0 - e2) + height_m) * s]
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Truth: a target that moves at 5 km/s along a straight line of the turning Earth, given as a CPF. Light meets it at t + τ/2 and is on its way for τ = 2ρ(t + τ/2)/c, ρ the distance from the
+/// station (WGS 84, by hand): the Earth's rotation makes one way longer and the other as much shorter. What is left of it is (ωr/c)² of τ, (7e-7)² to (1e-5)²; τ is 0.01 s, and the targets' radius is 1 mm (7e-12 s): 2e-11 s.
+/// Normal points: 30 s make two of 15 s, with nearly 150 returns each, whose trend is none.
+#[test]
+fn range_data_of_a_cpf() {
+    let folder = Folder::new("active-crd");
+    let site = site_itrs_m(48.782_388_888_888_889, 9.196_416_666_666_667, 399.0);
+    let up = site.map(|x| x / distance(site, [0.0; 3]));
+    // Across the vertical.
+    let norm = up[0].hypot(up[1]);
+    let east = [-up[1] / norm, up[0] / norm, 0.0];
+    let place = |t: f64| -> [f64; 3] {
+        std::array::from_fn(|i| site[i] + 1.5e6 * up[i] + 5e3 * (t - 300.0) * east[i])
+    };
+    // 2020-11-18 is MJD 59171; 0 s of `place` is 16:30:00 (59,400 s).
+    let mut cpf = String::from(
+        "H1 CPF 2 TST 2020 11 18 12 32301 1 straight none\nH2 1234567 1155 99999 2020 11 18 16 30 0 2020 11 18 16 40 0 10 1 1 0 0 0 1\nH9\n",
+    );
+    for k in 0..=60 {
+        let [x, y, z] = place(10.0 * f64::from(k));
+        cpf += &format!("10 0 59171 {}.000000 0 {x:.6} {y:.6} {z:.6}\n", 59_400 + 10 * k);
+    }
+    cpf += "99\n";
+    std::fs::write(folder.path("straight.cpf"), cpf).unwrap();
+    let scene = format!(
+        "[target]\nsphere = {{ radius_m = 0.001, reflectance = 0.4 }}\n[ephemeris]\nfile = \"straight.cpf\"\n[station]\nname = \"ufo\"\n[times]\nfrom = 2020-11-18T16:34:00Z\nto = 2020-11-18T16:34:30Z\nstep_s = 5\n[air]\nnone = true\n{RANGING}"
+    );
+    std::fs::write(folder.path("pass.toml"), &scene).unwrap();
+    let all =
+        ["simulate", "pass.toml", "--active", "-o", "a.crd", "-o", "a.frd", "-o", "a.npt", "-q"];
+    folder.done(&all);
+    let read = |name: &str| crd::read(folder.path(name)).unwrap();
+    let both = read("a.crd");
+    let records: Vec<&Record> = both.lines.iter().map(|l| &l.record).collect();
+    assert!(both.lines.iter().all(|l| l.rest.is_empty()));
+    assert!(matches!(records[0], Record::Other(line) if line.starts_with("00 SIMULATED")));
+    let station =
+        records.iter().find_map(|r| if let Record::Station(s) = r { Some(s) } else { None });
+    let station = station.unwrap();
+    assert_eq!((station.name.as_str(), station.numbers), ("SHOP", [7839, 34, 2, 7]));
+    let target =
+        records.iter().find_map(|r| if let Record::Target(t) = r { Some(t) } else { None });
+    assert_eq!(target.unwrap().numbers, [Some(1_234_567), None, None]);
+    let sessions: Vec<_> = records
+        .iter()
+        .filter_map(|r| if let Record::Session(s) = r { Some(s) } else { None })
+        .collect();
+    assert_eq!((sessions.len(), sessions[0].data, sessions[1].data), (2, 0, 1));
+    assert_eq!(sessions[0].from[..5], [2020, 11, 18, 16, 33]);
+    assert_eq!(sessions[0].flags, [0, 1, 0, 0, 1, 0, 2, 0]);
+    let shots: Vec<_> = records
+        .iter()
+        .filter_map(|r| if let Record::Shot(s) = r { Some(s) } else { None })
+        .collect();
+    assert!((298..=301).contains(&shots.len()), "{}", shots.len());
+    let c = 299_792_458.0;
+    let flight = |sent_s: f64| {
+        let mut flight_s = 0.0;
+        for _ in 0..6 {
+            flight_s = 2.0 * distance(place(sent_s - 59_400.0 + 0.5 * flight_s), site) / c;
+        }
+        flight_s
+    };
+    let data: Vec<_> = shots.iter().filter(|s| s.flags[1] == 2).collect();
+    assert!(data.len() > 290, "{}", data.len());
+    for shot in &data {
+        let apart = shot.flight_s - flight(shot.second_s);
+        assert!(apart.abs() < 2e-11, "{apart:e} at {}", shot.second_s);
+        assert_eq!((shot.flags[0], shot.configuration.as_str()), (2, "std"));
+    }
+    // Without the light's time on its way they would be 5 km/s × 2e-5 off in time: far more.
+    let still = 2.0 * distance(place(data[0].second_s - 59_400.0), site) / c;
+    assert!((data[0].flight_s - still).abs() > 1e-9);
+
+    let points: Vec<_> = records
+        .iter()
+        .filter_map(|r| if let Record::NormalPoint(p) = r { Some(p) } else { None })
+        .collect();
+    // The first shot leaves 10 ms before 16:34, so that a bin of one may be in front.
+    assert_eq!(points.len(), 2);
+    for point in &points {
+        let near = data.iter().find(|s| s.second_s == point.second_s).unwrap();
+        assert!((near.flight_s - point.flight_s).abs() < 1e-11);
+        assert!((140..=150).contains(&point.shots), "{}", point.shots);
+        assert_eq!((point.bin_s, point.event), (Some(15.0), 2));
+        // Of the body of 7 ps across and a pulse of 1 ps.
+        assert!(point.statistics[0].unwrap() < 7.0);
+        assert!((90.0..=100.0).contains(&point.statistics[4].unwrap()));
+    }
+    // The other files have their parts; the same seed gives the same bytes, another does not.
+    let count = |name: &str| {
+        let file = read(name);
+        let of = |kind: fn(&Record) -> bool| file.lines.iter().filter(|l| kind(&l.record)).count();
+        [of(|r| matches!(r, Record::Shot(_))), of(|r| matches!(r, Record::NormalPoint(_)))]
+    };
+    assert_eq!((count("a.frd"), count("a.npt")), ([shots.len(), 0], [0, 2]));
+    folder.done(&["simulate", "pass.toml", "--active", "-o", "b.crd", "-q"]);
+    folder.done(&["simulate", "pass.toml", "--active", "--seed", "1", "-o", "c.crd", "-q"]);
+    let text = |name: &str| std::fs::read_to_string(folder.path(name)).unwrap();
+    assert_eq!(text("a.crd"), text("b.crd"));
+    assert_ne!(text("a.crd"), text("c.crd"));
+
+    // What nobody said, and what does not go together.
+    let cut = scene.split("[laser.ranging]").next().unwrap();
+    std::fs::write(folder.path("bare.toml"), cut).unwrap();
+    let error = folder.refused(1, &["simulate", "bare.toml", "--active", "-o", "d.crd"]);
+    assert!(error.contains("give laser slr a table [laser.ranging]"), "{error}");
+    let error = folder.refused(2, &["simulate", "pass.toml", "-o", "d.crd"]);
+    assert!(error.contains("range data need --active"), "{error}");
+    std::fs::write(folder.path("name.toml"), scene.replace("SHOP", "THE SHOP")).unwrap();
+    let error = folder.refused(1, &["simulate", "name.toml", "--active", "-o", "d.crd"]);
+    assert!(error.contains("name.toml:") && error.contains("laser[0].ranging.station"), "{error}");
+    assert!(!folder.path("d.crd").exists());
 }

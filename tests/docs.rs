@@ -176,9 +176,13 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         keys(&folder.json(&[&["picture", "--json"], picture].concat()), &mut printed);
     }
     let active = read("docs/active.md");
-    let laser = active.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
-    std::fs::write(folder.path("active.toml"), format!("{SCENE}{laser}")).unwrap();
-    keys(&folder.json(&["simulate", "active.toml", "--active", "--json"]), &mut printed);
+    let mut tables = active.split("```").filter_map(|block| block.strip_prefix("toml\n"));
+    let laser = tables.next().unwrap();
+    let ranging = tables.find(|block| block.contains("[laser.ranging]")).unwrap();
+    std::fs::write(folder.path("active.toml"), format!("{SCENE}{laser}{ranging}")).unwrap();
+    let stretch = ["--to", "2008-09-21T18:48:10Z", "--step-s", "5", "-o", "active.crd"];
+    let simulate = ["simulate", "active.toml", "--active", "--json"];
+    keys(&folder.json(&[&simulate[..], &stretch].concat()), &mut printed);
     folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
     folder.done(&["bench", "--scene", "corner", "--seconds", "0.02", "-o", "b.json", "-q"]);
     for file in ["s.json", "b.json"] {

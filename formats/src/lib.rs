@@ -12,6 +12,7 @@
 //! - [`fred`], [`zemax`], [`astm`]: scattered light as optical design programs and laboratories tabulate it;
 //! - [`merl`], [`utia`]: reflection as databases of measured materials hold it;
 //! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
+//! - [`crd`]: laser ranges as stations deliver them to the ILRS;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`image_frame`]: a frame of any other program, its header in one form;
 //! - [`tags`]: photon time tags on disk, binned into counts;
@@ -72,6 +73,7 @@ pub mod astm;
 pub mod atomic;
 pub mod bsdf;
 pub mod counts;
+pub mod crd;
 pub mod curve;
 mod digest;
 pub mod ecsv;

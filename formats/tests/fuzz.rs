@@ -6,6 +6,8 @@ use sunglint_testkit::Fuzz;
 mod astm;
 #[path = "../fuzz/targets/bsdf.rs"]
 mod bsdf;
+#[path = "../fuzz/targets/crd.rs"]
+mod crd;
 #[path = "../fuzz/targets/curve.rs"]
 mod curve;
 #[path = "../fuzz/targets/ecsv.rs"]
@@ -43,9 +45,10 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 17] = [
+    let targets: [Target; 18] = [
         ("astm", &[], astm::run),
         ("bsdf", &["fixtures/formats/hostile"], bsdf::run),
+        ("crd", &["fixtures/formats/hostile"], crd::run),
         ("curve", &["fixtures/formats/hostile"], curve::run),
         ("ecsv", &["fixtures/formats/hostile"], ecsv::run),
         ("events", &[], events::run),

@@ -3,13 +3,14 @@
 use super::Shown;
 use crate::output::{Console, Usage};
 use anyhow::bail;
+use std::path::{Path, PathBuf};
 use sunglint_formats::nearest_names;
 use sunglint_radiometry::station::Laser;
 use sunglint_report::Product;
-use sunglint_report::simulate::active::ActiveReport;
+use sunglint_report::simulate::active::{ActiveReport, Content, RangeData, range_file};
 use sunglint_report::simulate::names;
 use sunglint_simulator::pass::{Pass, Simulation};
-use sunglint_simulator::ranging::Returns;
+use sunglint_simulator::ranging::{Returns, Shots};
 
 /// Memory of an epoch, of a laser's returns of an epoch, and what is much of it.
 const EPOCH_BYTES: f64 = 8e3;
@@ -47,8 +48,37 @@ pub(super) fn lasers<'a>(pass: &'a Pass, names: &[String]) -> anyhow::Result<Vec
     Ok(chosen)
 }
 
+/// Content of a file of range data, by its extension.
+fn content(path: &Path) -> Option<Content> {
+    let extension = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    Content::of_extension(&extension)
+}
+
+/// Whether a path is one of range data.
+pub(super) fn is_range_data(path: &Path) -> bool {
+    content(path).is_some()
+}
+
+/// Refuses range data of lasers of which nobody said what they need.
+pub(super) fn check_ranging(lasers: &[&Laser], console: Console) -> anyhow::Result<()> {
+    let keys = "[laser.ranging] after its [[laser]], with station (its name), pad, system and occupancy (its numbers of the ILRS) and normal_point_s (docs/active.md)";
+    let without: Vec<&str> =
+        lasers.iter().filter(|l| l.ranging.is_none()).map(|l| l.name.as_str()).collect();
+    if without.len() == lasers.len() {
+        bail!(
+            "range data need to know the station: give laser {} a table {keys}",
+            without.join(", ")
+        );
+    }
+    for name in without {
+        console.warn(&format!("laser {name} is in no range data: it has no {keys}"));
+    }
+    Ok(())
+}
+
 /// Returns of lasers, in all forms.
 pub(super) struct Returned {
+    ranges: Vec<(PathBuf, Vec<u8>)>,
     warnings: Vec<String>,
     text: String,
     json: serde_json::Value,
@@ -69,16 +99,37 @@ pub(super) fn warn_of_memory(pass: &Pass, lasers: &[&Laser], console: Console) {
     }
 }
 
-/// The lasers' returns along a simulated pass.
-pub(super) fn of(simulation: &Simulation<'_>, lasers: &[&Laser]) -> anyhow::Result<Returned> {
+/// The lasers' returns along a simulated pass, and range data in files, drawn from a seed.
+pub(super) fn of(
+    simulation: &Simulation<'_>,
+    lasers: &[&Laser],
+    (files, seed): (&[PathBuf], u64),
+) -> anyhow::Result<Returned> {
     let all: Vec<Returns<'_>> =
         lasers.iter().map(|l| Returns::new(simulation, l)).collect::<Result<_, _>>()?;
     let report = ActiveReport { simulation, returns: &all };
     let [name, ..] = names(simulation.pass);
+    let (mut text, mut json) = (report.text(), report.json());
+    let mut ranges = Vec::new();
+    if !files.is_empty() {
+        let mut data = Vec::new();
+        for returns in &all {
+            let Some(ranging) = &returns.laser.ranging else { continue };
+            let shots = Shots::draw(simulation, returns, ranging, seed)?;
+            data.push(RangeData::new(simulation.pass, returns, ranging, shots)?);
+        }
+        text.extend(data.iter().map(RangeData::text));
+        json["range_data"] = data.iter().map(RangeData::json).collect();
+        for path in files {
+            let file = range_file(&data, content(path).unwrap_or(Content::Both))?;
+            ranges.push((path.clone(), file.into_bytes()));
+        }
+    }
     Ok(Returned {
+        ranges,
         warnings: all.iter().flat_map(Returns::concerns).collect(),
-        text: report.text(),
-        json: report.json(),
+        text,
+        json,
         product: report.product(&name)?,
         // A figure has something to show where light comes back.
         has_light: all.iter().any(|r| r.photons.iter().any(|n| *n > 0.0)),
@@ -101,5 +152,6 @@ pub(super) fn add(shown: &mut Shown, returned: Returned, console: Console) {
     product.others.push(passive);
     product.others.extend(others);
     shown.product = product;
+    shown.ranges = returned.ranges;
     shown.has_light = returned.has_light;
 }

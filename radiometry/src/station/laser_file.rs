@@ -1,10 +1,10 @@
 //! The `[[laser]]` tables of a station, and of a scene that brings its own.
 
-use super::{BeamShape, Laser};
+use super::{BeamShape, Laser, Ranging};
 use crate::sky::{Geodetic, Site};
 use serde::Deserialize;
 use sunglint_formats::ParseError;
-use sunglint_formats::toml::{Document, Finite, LatitudeDeg, LongitudeDeg, Positive};
+use sunglint_formats::toml::{Document, Finite, LatitudeDeg, LongitudeDeg, NonNegative, Positive};
 
 /// A `[[laser]]` table as serde reads it.
 #[derive(Debug, Clone, Deserialize)]
@@ -22,6 +22,7 @@ pub struct LaserFile {
     beam: BeamShape,
     receiver: Option<String>,
     site: Option<LaserSite>,
+    ranging: Option<RangingFile>,
     pub(super) note: Option<String>,
 }
 
@@ -32,6 +33,60 @@ struct LaserSite {
     latitude_deg: LatitudeDeg,
     longitude_deg: LongitudeDeg,
     height_m: Finite,
+}
+
+/// Range data that a laser delivers.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RangingFile {
+    station: String,
+    pad: u32,
+    system: u32,
+    occupancy: u32,
+    network: Option<String>,
+    ilrs_id: Option<u32>,
+    sic: Option<u32>,
+    normal_point_s: Positive,
+    gate_ns: Option<Positive>,
+    jitter_ps: Option<NonNegative>,
+}
+
+impl RangingFile {
+    /// Gate where none is given, ns.
+    const GATE_NS: f64 = 100.0;
+
+    fn ranging(&self, document: &Document, key: &str) -> Result<Ranging, ParseError> {
+        for (name, text) in [("station", Some(&self.station)), ("network", self.network.as_ref())] {
+            let letter = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+            if text.is_some_and(|t| !(1..=10).contains(&t.len()) || !t.chars().all(letter)) {
+                let expected = "1 to 10 letters, digits, _ and -, as range data have them";
+                return Err(document.error_at(&format!("{key}.{name}"), expected));
+            }
+        }
+        let numbers = [
+            ("pad", self.pad, 9999),
+            ("system", self.system, 99),
+            ("occupancy", self.occupancy, 99),
+        ];
+        for (name, number, most) in numbers {
+            if number > most {
+                return Err(document.error_at(&format!("{key}.{name}"), format!("0 to {most}")));
+            }
+        }
+        if self.normal_point_s.get() > 3600.0 {
+            let expected = "the length of a normal point, at most 3600 s";
+            return Err(document.error_at(&format!("{key}.normal_point_s"), expected));
+        }
+        Ok(Ranging {
+            station: self.station.clone(),
+            numbers: numbers.map(|(_, number, _)| number),
+            network: self.network.clone(),
+            target: [self.ilrs_id, self.sic],
+            normal_point_s: self.normal_point_s.get(),
+            gate_s: self.gate_ns.map_or(Self::GATE_NS, Positive::get) * 1e-9,
+            jitter_s: self.jitter_ps.map_or(0.0, NonNegative::get) * 1e-12,
+        })
+    }
 }
 
 impl LaserSite {
@@ -72,6 +127,7 @@ pub fn lasers(
             return Err(document.error_at(&key("divergence_arcsec"), expected));
         }
         let site = |site: &LaserSite| site.site(document, &key("site.height_m"));
+        let ranging = |ranging: &RangingFile| ranging.ranging(document, &key("ranging"));
         lasers.push(Laser {
             name: file.name.clone(),
             wavelength_nm: file.wavelength_nm.get(),
@@ -84,6 +140,7 @@ pub fn lasers(
             beam: file.beam,
             receiver: file.receiver.clone(),
             site: file.site.as_ref().map(site).transpose()?,
+            ranging: file.ranging.as_ref().map(ranging).transpose()?,
         });
     }
     Ok(lasers)

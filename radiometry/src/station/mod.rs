@@ -412,6 +412,27 @@ pub struct Laser {
     pub receiver: Option<String>,
     /// Where it stands; beside the telescope where none is given.
     pub site: Option<Site>,
+    /// Range data that it delivers, where somebody said so.
+    pub ranging: Option<Ranging>,
+}
+
+/// Range data of a laser: what its files say of the station, and how a return is recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ranging {
+    /// Name of the station in range data, 1 to 10 letters, digits and `_-`.
+    pub station: String,
+    /// Numbers that the ILRS gave the station: pad, system, occupancy.
+    pub numbers: [u32; 3],
+    /// Network of the station.
+    pub network: Option<String>,
+    /// Number of the ILRS and satellite identification code of the target.
+    pub target: [Option<u32>; 2],
+    /// Length of a normal point, s.
+    pub normal_point_s: f64,
+    /// Length of the range gate, s, with the predicted return in its middle.
+    pub gate_s: f64,
+    /// Root mean square of the detector's and the clock's answer to a single photon, s.
+    pub jitter_s: f64,
 }
 
 /// How a beam's energy is spread across it.

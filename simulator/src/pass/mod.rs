@@ -55,7 +55,7 @@ mod totals;
 
 pub use correction::{Correction, LightFactor, airmass};
 pub use cost::{Cost, Stopwatch};
-pub use elsewhere::Elsewhere;
+pub use elsewhere::{Elsewhere, TwoWay};
 pub use error::PassError;
 pub use explain::Explanation;
 pub use exposure::ExposureMeans;

@@ -497,6 +497,11 @@ pub(super) struct Way<'a> {
 }
 
 impl Way<'_> {
+    /// Frames, orbit, and how much later than the pass's times both are asked.
+    pub fn parts(&self) -> (&SkyFrames<'_>, &Orbit, hifitime::Duration) {
+        (&self.frames, &self.orbit, self.later)
+    }
+
     /// Where everything stands at an epoch, before any air.
     pub fn place(&self, i: usize) -> Result<Place, PassError> {
         self.beside(i, 0.0)

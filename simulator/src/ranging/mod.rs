@@ -18,17 +18,22 @@
 //! - [`Returns`]: all of it along a simulated pass, beside the sunlight that the same channel counts;
 //! - [`glint`]: a flat mirror, which returns the beam from the laser's image at twice the range.
 //!
+//! - [`Shots`]: single detections of a pass, drawn from all this with the receiver's noise, and [`NormalPoints`] of them, as stations deliver them;
 //! - [`cubes`]: corner cubes, which return far more than all of a body's surface, beside where they were lit from.
 
 mod beam;
 mod bounces;
 pub mod cubes;
 pub mod glint;
+mod normal_points;
 mod profile;
 mod returns;
+mod shots;
 
 pub use beam::{Beam, Receiver, detection_probability};
 pub use bounces::{Bounced, Bounces, BouncesError, BouncesEye};
+pub use normal_points::{LEAST_SHOTS, Moments, NormalPoint, NormalPoints, Residual};
 pub use profile::{DepthBins, DepthError, Profile, Shot, Stand};
 pub use returns::{ALTITUDES_KM, Returns, ReturnsError, SATURATED};
-pub use sunglint_radiometry::station::BeamShape;
+pub use shots::{Arrivals, Detection, Shots, ShotsError};
+pub use sunglint_radiometry::station::{BeamShape, Ranging};

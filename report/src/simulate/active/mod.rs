@@ -1,6 +1,9 @@
 //! Laser returns along a pass: text, JSON, tables, figures.
 
 mod figure;
+mod range_data;
+
+pub use range_data::{Content, RangeData, RangeDataError, range_file};
 
 use crate::{Product, rounded};
 use ndarray::Array2;
