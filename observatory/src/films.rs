@@ -13,11 +13,14 @@ use sunglint_drivers::device::{
     Window,
 };
 use sunglint_formats::Frame;
+use sunglint_formats::time::format_utc;
 
 /// In messages.
 const DEVICE: &str = "recording";
 /// Behind the end of every recording.
 const END: Duration = Duration::from_secs(100 * 365 * 86_400);
+/// Cards with which a grabber counts frames that were lost, or that repeat the one before.
+const LOST: [(&str, &str); 2] = [("GRABLOST", "lost"), ("GRABDUBL", "doubled")];
 /// A frame of another exposure than the plan says is not the plan's: beyond this part of it.
 const EXPOSURE: f64 = 1e-6;
 
@@ -35,7 +38,13 @@ struct Reel {
 }
 
 /// The driver's camera.
-struct Opened(Box<dyn Camera>);
+struct Opened {
+    camera: Box<dyn Camera>,
+    /// Frames that were lost and doubled, as far as it was said.
+    said: [i64; 2],
+    /// A frame before which that had to be said.
+    kept: Option<Frame>,
+}
 
 impl std::fmt::Debug for Opened {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -71,7 +80,8 @@ impl Opener for Films {
         let film = Film { start: self.start, reel };
         let mut camera = film.camera();
         if camera.is_none() {
-            *camera = Some(Opened(Catalogue.camera(plan, deadline)?));
+            let opened = Catalogue.camera(plan, deadline)?;
+            *camera = Some(Opened { camera: opened, said: [0; 2], kept: None });
         }
         drop(camera);
         Ok(Box::new(film))
@@ -103,13 +113,34 @@ impl Film {
         act: impl FnOnce(&mut dyn Camera) -> Result<V, DeviceError>,
     ) -> Result<V, DeviceError> {
         match self.camera().as_mut() {
-            Some(camera) => act(camera.0.as_mut()),
+            Some(opened) => act(opened.camera.as_mut()),
             None => Err(DeviceError::NotReady { device: DEVICE, reason: "it is not open" }),
         }
     }
 
+    /// Tells once what is missing before a frame, and keeps that for the next call.
+    fn complete(&self, frame: Frame) -> Result<Frame, DeviceError> {
+        let mut camera = self.camera();
+        let Some(opened) = camera.as_mut() else { return Ok(frame) };
+        let counts = LOST.map(|(card, _)| frame.header.integer(card).unwrap_or(0));
+        if counts.into_iter().zip(opened.said).all(|(count, said)| count <= said) {
+            return Ok(frame);
+        }
+        let (start, before) = (format_utc(frame.start, 3), opened.said);
+        (opened.said, opened.kept) = (counts, Some(frame));
+        let what: Vec<String> = (0..LOST.len())
+            .filter(|&i| counts[i] > before[i])
+            .map(|i| format!("{} {} ({} so far)", counts[i] - before[i], LOST[i].1, counts[i]))
+            .collect();
+        let what = format!("frames of the recording before {start}: {}", what.join(", "));
+        Err(DeviceError::NotOurs { device: DEVICE, what })
+    }
+
     /// The next frame; `None` at the end.
     fn next(&self, exposure_s: f64, deadline: &Deadline) -> Result<Option<Frame>, DeviceError> {
+        if let Some(kept) = self.camera().as_mut().and_then(|opened| opened.kept.take()) {
+            return Ok(Some(kept));
+        }
         self.with(|camera| {
             let mut next = None;
             let mut take = |frame: Frame| {
@@ -140,7 +171,7 @@ impl Device for Film {
     }
 
     fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
-        self.camera().as_ref().map_or(&[], |camera| camera.0.own_settings())
+        self.camera().as_ref().map_or(&[], |camera| camera.camera.own_settings())
     }
 
     fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
@@ -150,11 +181,11 @@ impl Device for Film {
 
 impl Camera for Film {
     fn sensor_px(&self) -> [u32; 2] {
-        self.camera().as_ref().map_or([0, 0], |camera| camera.0.sensor_px())
+        self.camera().as_ref().map_or([0, 0], |camera| camera.camera.sensor_px())
     }
 
     fn limits(&self) -> Option<Limits> {
-        self.camera().as_ref().and_then(|camera| camera.0.limits())
+        self.camera().as_ref().and_then(|camera| camera.camera.limits())
     }
 
     fn set_window(&mut self, window: Window, d: &Deadline) -> Result<Window, DeviceError> {
@@ -185,6 +216,105 @@ impl Camera for Film {
             );
             return Err(DeviceError::NotOurs { device: DEVICE, what });
         }
-        Ok(frame)
+        self.complete(frame)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use sunglint_formats::fits::Header;
+    use sunglint_formats::time::parse_utc;
+
+    fn first() -> Epoch {
+        parse_utc("2026-11-24T21:00:00Z").unwrap()
+    }
+
+    /// Frames of 20 ms, each with the counts of lost and doubled ones that it says.
+    struct Counted(std::vec::IntoIter<(f64, [i64; 2])>);
+
+    impl Device for Counted {
+        fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+            Err(DeviceError::NotReady { device: DEVICE, reason: "not tried" })
+        }
+
+        fn settings(&mut self, _: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+            Ok(Vec::new())
+        }
+    }
+
+    impl Camera for Counted {
+        fn sensor_px(&self) -> [u32; 2] {
+            [1, 1]
+        }
+
+        fn set_window(&mut self, window: Window, _: &Deadline) -> Result<Window, DeviceError> {
+            Ok(window)
+        }
+
+        fn set_gain(&mut self, gain: f64, _: &Deadline) -> Result<f64, DeviceError> {
+            Ok(gain)
+        }
+
+        fn set_temperature_c(&mut self, celsius: f64, _: &Deadline) -> Result<f64, DeviceError> {
+            Ok(celsius)
+        }
+
+        fn expose(&mut self, exposure_s: f64, _: &Deadline) -> Result<Frame, DeviceError> {
+            let over = DeviceError::NotReady { device: DEVICE, reason: "over" };
+            let (since_s, counts) = self.0.next().ok_or(over)?;
+            let mut header = Header::default();
+            for ((card, _), count) in LOST.into_iter().zip(counts) {
+                if count > 0 {
+                    header.set(card, count, "");
+                }
+            }
+            Ok(Frame {
+                pixels: Array2::zeros((1, 1)),
+                origin: [0, 0],
+                binning: [1, 1],
+                bayer: None,
+                start: first() + hifitime::Duration::from_seconds(since_s),
+                exposure_s,
+                gain_e_per_adu: None,
+                temperature_c: None,
+                saturation_adu: None,
+                header,
+            })
+        }
+
+        fn stream(
+            &mut self,
+            exposure_s: f64,
+            take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
+            deadline: &Deadline,
+        ) -> Result<u64, Interrupted<u64>> {
+            let frame = self.expose(exposure_s, deadline);
+            let _ = take(frame.map_err(|error| Interrupted::new(0, error))?);
+            Ok(1)
+        }
+    }
+
+    /// What is missing before a frame is said once, with the number of frames, and no frame is lost by that: all three come.
+    #[test]
+    fn frames_that_a_recording_lacks_are_said_once() {
+        let frames = vec![(0.0, [0, 0]), (0.1, [3, 0]), (0.2, [3, 1])].into_iter();
+        let reel = Reel::default();
+        let opened = Opened { camera: Box::new(Counted(frames)), said: [0; 2], kept: None };
+        *reel.camera.lock().unwrap() = Some(opened);
+        let mut film = Film { start: first(), reel };
+        let mut next = || {
+            let frame = film.expose(0.02, &Deadline::within(Duration::from_secs(5)));
+            frame.map(|frame| (frame.start - first()).to_seconds()).map_err(|e| e.to_string())
+        };
+        let start =
+            "recording: the frame is not ours: frames of the recording before 2026-11-24T21:00:00";
+        assert_eq!(next(), Ok(0.0));
+        assert_eq!(next(), Err(format!("{start}.100Z: 3 lost (3 so far)")));
+        assert_eq!(next(), Ok(0.1));
+        assert_eq!(next(), Err(format!("{start}.200Z: 1 doubled (1 so far)")));
+        assert_eq!(next(), Ok(0.2));
     }
 }

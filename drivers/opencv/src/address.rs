@@ -1,7 +1,9 @@
 //! The grabber behind an address of the catalogue: `opencv:/dev/video0`, `opencv:night.avi`, `opencv:night_%05d.png`.
 
 use crate::error::wrong;
-use crate::grabber::{Grabber, GrabberSettings, Lossy, Said, Source};
+use crate::gamma::Gamma;
+use crate::grabber::{Automatic, Doubled, Grabber, GrabberSettings, Lossy, Said, Source};
+use crate::interlace::Field;
 use crate::live::{ExposureControl, Format, Live, Place};
 use crate::picture::Plane;
 use std::path::PathBuf;
@@ -30,6 +32,17 @@ pub fn open(address: &Address, deadline: &Deadline) -> Result<Box<dyn Camera>, D
         },
         bayer: address.text("bayer").and_then(Bayer::from_name),
         lossy: if address.flag("lossy") { Lossy::Flag } else { Lossy::Refuse },
+        fields: match address.text("fields") {
+            Some("top") => Some(Field::Top),
+            Some("bottom") => Some(Field::Bottom),
+            _ => None,
+        },
+        gamma: address.number("gamma").map(Gamma::new).transpose()?,
+        doubled: match address.text("doubled") {
+            Some("keep") => Doubled::Flag,
+            _ => Doubled::LeaveOut,
+        },
+        automatic: if address.flag("auto") { Automatic::Flag } else { Automatic::Refuse },
         any_exposure: true,
         ..GrabberSettings::default()
     };
@@ -38,7 +51,7 @@ pub fn open(address: &Address, deadline: &Deadline) -> Result<Box<dyn Camera>, D
 }
 
 /// The options of live devices, and those of recordings.
-const LIVE: [&str; 5] = ["format", "columns", "rows", "rate_hz", "fixed_exposure_s"];
+const LIVE: [&str; 6] = ["format", "columns", "rows", "rate_hz", "fixed_exposure_s", "auto"];
 const RECORDED: [&str; 3] = ["first_utc", "exposure_s", "interval_s"];
 
 fn source(address: &Address, bayer: Option<Bayer>) -> Result<Source, DeviceError> {

@@ -22,6 +22,17 @@ pub struct About {
     pub bayer: Option<Bayer>,
     /// Why the pixels are not those that the sensor delivered; `None` where they are.
     pub lossy: Option<String>,
+    /// From the start of a picture to the start of the next, s, as the source says it: a nominal number.
+    pub interval_s: Option<f64>,
+}
+
+/// Settings that a live source changes by itself, where its driver says whether it does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Automation {
+    /// The exposure.
+    pub exposure: Option<bool>,
+    /// The gain.
+    pub gain: Option<bool>,
 }
 
 /// A source of pictures. It lives on a thread of its own and may block; the [`Grabber`](crate::Grabber) waits for it no longer
@@ -59,10 +70,20 @@ pub trait Capture {
     fn exposure_and_gain(&self) -> [Option<f64>; 2] {
         [None, None]
     }
+
+    /// Returns which of its settings the source changes by itself, where it says so.
+    fn automation(&self) -> Automation {
+        Automation::default()
+    }
 }
 
 /// Opens a source, on the thread on which it will live.
 pub type Open = Box<dyn FnOnce() -> Result<Box<dyn Capture>, DeviceError> + Send>;
+
+/// The interval of a rate, if it is one.
+pub(crate) fn interval_s(rate_hz: f64) -> Option<f64> {
+    (rate_hz.is_finite() && rate_hz > 0.0).then(|| 1.0 / rate_hz)
+}
 
 /// The four characters in a property.
 pub(crate) fn four_characters(property: f64) -> String {

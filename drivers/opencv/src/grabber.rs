@@ -1,7 +1,10 @@
 //! Any source of pictures as a camera.
 
-use crate::capture::{About, Capture, Open};
+use crate::cadence::{self, Cadence, Losses};
+use crate::capture::{About, Automation, Capture, Open};
 use crate::error::{DEVICE, wrong};
+use crate::gamma::Gamma;
+use crate::interlace::{Field, Interlace};
 use crate::live::{self, Live};
 use crate::picture::{Picture, Plane};
 use crate::recording::Recording;
@@ -69,8 +72,28 @@ pub enum Lossy {
     Flag,
 }
 
-/// How pictures become frames.
+/// Treatment of frames whose pixels are those of the one before: a copy that stands where a frame was lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Doubled {
+    /// They are taken, and say so (the card `DOUBLED`).
+    #[default]
+    Flag,
+    /// They are left out, and counted.
+    LeaveOut,
+}
+
+/// Treatment of live sources that change exposure or gain by themselves: magnitudes of their frames do not hold together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Automatic {
+    /// They are refused.
+    #[default]
+    Refuse,
+    /// They are taken, and each frame says so (the cards `AUTOEXP`, `AUTOGAIN`).
+    Flag,
+}
+
+/// How pictures become frames.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GrabberSettings {
     /// Which plane of a colour picture is taken.
     pub plane: Plane,
@@ -78,6 +101,14 @@ pub struct GrabberSettings {
     pub bayer: Option<Bayer>,
     /// Treatment of lossy sources.
     pub lossy: Lossy,
+    /// The field that was exposed first, where frames are interlaced: each becomes two.
+    pub fields: Option<Field>,
+    /// The gamma that is undone.
+    pub gamma: Option<Gamma>,
+    /// Treatment of doubled frames.
+    pub doubled: Doubled,
+    /// Treatment of live sources that set exposure or gain by themselves.
+    pub automatic: Automatic,
     /// Frames of a recording are taken whatever exposure was asked for: each says its own. Else another one is refused.
     pub any_exposure: bool,
     /// How many pictures are thrown away before a single exposure, as they may have begun before it was asked for. A live
@@ -87,19 +118,29 @@ pub struct GrabberSettings {
 
 /// A source of pictures as a [`Camera`].
 ///
-/// Frames begin and are as long as [`FrameTimes`] says; a comment on `DATE-OBS` says how that is known. Nothing is scaled: pixels
-/// are those of the source.
+/// Frames begin and are as long as [`FrameTimes`] says; a comment on `DATE-OBS` says how that is known. Pixels are those of the
+/// source, unless its gamma is undone ([`Gamma`]). An interlaced frame becomes two, each with its own start ([`Field`]).
 pub struct Grabber {
     worker: Worker,
     about: About,
     times: FrameTimes,
     settings: GrabberSettings,
     window: Window,
+    /// Columns and rows of a frame or, where frames are split, of a field.
     sensor_px: [u32; 2],
+    /// Columns and rows of a picture, less what makes a film's sides even.
+    picture_px: [u32; 2],
     /// Exposure that a live source reported last, s.
     exposure_s: Option<f64>,
     /// How many pictures have become frames, or would have.
     taken: u64,
+    interlace: Option<Interlace>,
+    /// The field of a frame whose first was given last.
+    second: Option<Frame>,
+    cadence: Cadence,
+    /// The gain that a live source said last.
+    gain: Option<f64>,
+    automation: Automation,
 }
 
 impl std::fmt::Debug for Grabber {
@@ -171,9 +212,56 @@ impl Grabber {
                 about.name, about.size_px
             )));
         }
+        let interval_s = match &times {
+            FrameTimes::Table(table) => cadence::interval_s(table),
+            FrameTimes::Said(said) => said.interval_s.or(about.interval_s),
+            FrameTimes::Host => about.interval_s,
+        };
+        let mut pixels_px = sensor_px;
+        let interlace = match (settings.fields, interval_s.or(about.interval_s)) {
+            (None, _) => None,
+            (Some(first), Some(interval_s)) => {
+                pixels_px[1] /= 2;
+                Some(Interlace { first, interval_s })
+            }
+            (Some(_), None) => {
+                return Err(wrong(format!(
+                    "{} has fields, and nobody knows the interval between its frames: say it",
+                    about.name
+                )));
+            }
+        };
+        if interlace.is_some() && !sensor_px[1].is_multiple_of(2) {
+            return Err(wrong(format!(
+                "{} has {} rows, expected an even number where frames have two fields",
+                about.name, sensor_px[1]
+            )));
+        }
+        let (picture_px, sensor_px) = (sensor_px, pixels_px);
+        let cadence = Cadence::new(interval_s);
         let window = Window { origin_px: [0, 0], size_px: sensor_px, binning: [1, 1] };
         let exposure_s = None;
-        Ok(Self { worker, about, times, settings, window, sensor_px, exposure_s, taken: 0 })
+        Ok(Self {
+            worker,
+            about,
+            times,
+            settings,
+            window,
+            sensor_px,
+            picture_px,
+            exposure_s,
+            taken: 0,
+            interlace,
+            second: None,
+            cadence,
+            gain: None,
+            automation: Automation::default(),
+        })
+    }
+
+    /// Counts of frames that were lost or doubled so far, among those that the source delivered.
+    pub fn losses(&self) -> Losses {
+        self.cadence.losses
     }
 
     /// Returns the source's description of itself.
@@ -181,44 +269,130 @@ impl Grabber {
         &self.about
     }
 
-    /// The next frame, whatever its exposure; `None` at the end of a recording.
+    /// The next frame or field, whatever its exposure; `None` at the end of a recording.
     ///
     /// # Errors
     /// A recording that ends before its last frame, or is damaged; see [`DeviceError`].
     pub fn next_frame(&mut self, deadline: &Deadline) -> Result<Option<Frame>, DeviceError> {
-        match self.worker.next(deadline)? {
-            Some(picture) => {
-                self.taken = picture.index + 1;
-                self.frame(picture).map(Some)
-            }
-            None => {
+        if let Some(second) = self.second.take() {
+            return Ok(Some(second));
+        }
+        loop {
+            let Some(picture) = self.next_picture(deadline)? else {
                 let promised = match &self.times {
                     FrameTimes::Table(table) => Some(table.rows.len() as u64),
                     _ => self.about.pictures,
                 };
-                match promised.filter(|&promised| promised > self.taken) {
+                return match promised.filter(|&promised| promised > self.taken) {
                     None => Ok(None),
                     Some(promised) => Err(wrong(format!(
                         "{} ends after {} of {promised} frames: it is cut off or damaged",
                         self.about.name, self.taken
                     ))),
+                };
+            };
+            let bits = picture.bits;
+            let mut frame = self.frame(picture)?;
+            if let FrameTimes::Table(_) | FrameTimes::Said(_) = self.times {
+                self.cadence.came(frame.start.to_tai_seconds());
+            }
+            if self.cadence.is_doubled(&frame.pixels) {
+                if self.settings.doubled == Doubled::LeaveOut {
+                    continue;
                 }
+                frame.header.set("DOUBLED", true, "pixels are those of the frame before");
+            }
+            return self.finished(frame, bits).map(Some);
+        }
+    }
+
+    /// The next picture. Times of live ones are watched here, for those that are thrown away count, too.
+    fn next_picture(&mut self, deadline: &Deadline) -> Result<Option<Picture>, DeviceError> {
+        let Some(picture) = self.worker.next(deadline)? else { return Ok(None) };
+        self.taken = picture.index + 1;
+        if let (FrameTimes::Host, Some(arrived)) = (&self.times, picture.arrived) {
+            // The driver's clock knows nothing of how late the host was.
+            let at_s = picture.position_ms.map(|ms| 1e-3 * ms);
+            self.cadence.came(at_s.unwrap_or_else(|| arrived.to_tai_seconds()));
+        }
+        Ok(Some(picture))
+    }
+
+    /// A whole frame as it is given: its light, its part, its first field.
+    fn finished(&mut self, mut frame: Frame, bits: u8) -> Result<Frame, DeviceError> {
+        let Losses { lost, doubled } = self.cadence.losses;
+        for (card, count, comment) in [
+            ("GRABLOST", lost, "frames that were lost so far, by the times"),
+            ("GRABDUBL", doubled, "frames so far that repeat the one before"),
+        ] {
+            if let (1.., Ok(count)) = (count, i64::try_from(count)) {
+                frame.header.set(card, count, comment);
             }
         }
+        if let Some(gamma) = self.settings.gamma {
+            gamma.undo(&mut frame, bits);
+        }
+        let Some(interlace) = self.interlace else {
+            self.cut(&mut frame);
+            return Ok(frame);
+        };
+        let [mut first, mut second] = interlace.split(&frame)?;
+        self.cut(&mut first);
+        self.cut(&mut second);
+        self.second = Some(second);
+        Ok(first)
+    }
+
+    /// Checks that a live source leaves exposure and gain as they were set.
+    fn watch(&mut self, readings: [Option<f64>; 2]) -> Result<(), DeviceError> {
+        let [exposure_s, gain] = readings;
+        let changed = |before: Option<f64>, now: Option<f64>| match (before, now) {
+            (Some(before), Some(now)) => (before - now).abs() > 1e-6 * before.abs(),
+            _ => false,
+        };
+        if changed(self.exposure_s, exposure_s) {
+            self.automation.exposure = Some(true);
+        }
+        if changed(self.gain, gain) {
+            self.automation.gain = Some(true);
+        }
+        self.gain = gain;
+        let what = match (self.automation.exposure, self.automation.gain) {
+            (Some(true), Some(true)) => "exposure and gain",
+            (Some(true), _) => "the exposure",
+            (_, Some(true)) => "the gain",
+            _ => return Ok(()),
+        };
+        if self.settings.automatic == Automatic::Flag {
+            return Ok(());
+        }
+        Err(wrong(format!(
+            "{} sets {what} by itself, and magnitudes of its frames do not hold together: turn that off (`v4l2-ctl --list-ctrls` names it), or take them all the same (`auto=yes`, Automatic::Flag)",
+            self.about.name
+        )))
     }
 
     /// How long the next frame of a recording was exposed, s; `None` for a live source and at the end.
     pub fn next_exposure_s(&self) -> Option<f64> {
         match &self.times {
             FrameTimes::Host => None,
+            _ if self.second.is_some() => self.second.as_ref().map(|field| field.exposure_s),
             FrameTimes::Table(table) => {
-                table.rows.get(self.taken as usize).map(|row| row.exposure_s)
+                table.rows.get(self.taken as usize).map(|row| self.given_s(row.exposure_s))
             }
-            FrameTimes::Said(said) => Some(said.exposure_s),
+            FrameTimes::Said(said) => Some(self.given_s(said.exposure_s)),
         }
     }
 
-    fn frame(&self, picture: Picture) -> Result<Frame, DeviceError> {
+    /// Exposure of what is given of a frame that was exposed so long, s.
+    fn given_s(&self, frame_s: f64) -> f64 {
+        self.interlace.map_or(frame_s, |interlace| interlace.exposure_s(frame_s))
+    }
+
+    fn frame(&mut self, picture: Picture) -> Result<Frame, DeviceError> {
+        if self.times == FrameTimes::Host {
+            self.watch(picture.readings)?;
+        }
         let index = picture.index;
         let here = |what: String| wrong(format!("{}, frame {index}: {what}", self.about.name));
         let Picture { planes, bits, position_ms, arrived, .. } = picture;
@@ -243,9 +417,20 @@ impl Grabber {
                 let exposure_s = self
                     .exposure_s
                     .ok_or_else(|| here("its exposure is not known: set one first".into()))?;
-                let start = arrived - Duration::from_seconds(exposure_s);
+                // The second field ended then.
+                let took_s = self.interlace.map_or(exposure_s, |interlace| {
+                    0.5 * interlace.interval_s + interlace.exposure_s(exposure_s)
+                });
+                let start = arrived - Duration::from_seconds(took_s);
                 let mut frame = self.plain(pixels, start, exposure_s);
                 frame.header.comment("DATE-OBS: when the frame arrived at the host, less EXPTIME");
+                for (card, is) in
+                    [("AUTOEXP", self.automation.exposure), ("AUTOGAIN", self.automation.gain)]
+                {
+                    if is == Some(true) {
+                        frame.header.set(card, true, "the device changes it by itself");
+                    }
+                }
                 if let Some(ms) = position_ms {
                     frame.header.set("GRABMSEC", ms, "ms, the driver's own clock");
                 }
@@ -257,7 +442,6 @@ impl Grabber {
             frame.header.set("LOSSY", true, "pixels are not the sensor's own");
             frame.header.comment(&format!("LOSSY: {lossy}"));
         }
-        self.cut(&mut frame);
         Ok(frame)
     }
 
@@ -287,7 +471,7 @@ impl Grabber {
                 expected[0], expected[1]
             ));
         }
-        let [columns, rows] = self.sensor_px.map(|side| side as usize);
+        let [columns, rows] = self.picture_px.map(|side| side as usize);
         Ok(if pixels.dim() == (rows, columns) {
             pixels
         } else {
@@ -319,7 +503,11 @@ impl Grabber {
                 let set = move |capture: &mut dyn Capture| capture.set_exposure_s(exposure_s);
                 self.exposure_s =
                     Some(self.worker.call("setting the exposure", deadline, set)??);
-                Ok(())
+                let ask = |capture: &mut dyn Capture| capture.automation();
+                let says = self.worker.call("asking what is automatic", deadline, ask)?;
+                // A gain that was seen to change is not told by every driver.
+                self.automation = Automation { gain: says.gain.or(self.automation.gain), ..says };
+                self.watch([None; 2])
             }
             (_, Some(recorded)) if !self.settings.any_exposure => {
                 same_exposure(exposure_s, recorded)
@@ -420,6 +608,12 @@ impl Device for Grabber {
         ] {
             add(name, Value::Integer(pixels.into()), Origin::Configured);
         }
+        let Losses { lost, doubled } = self.cadence.losses;
+        for (name, count) in [("lost_frames", lost), ("doubled_frames", doubled)] {
+            if let (1.., Ok(count)) = (count, i64::try_from(count)) {
+                add(name, Value::Integer(count), Origin::ReadBack);
+            }
+        }
         if let Some(codec) = &self.about.codec {
             add("codec", Value::Text(codec.clone()), Origin::ReadBack);
         }
@@ -460,7 +654,9 @@ impl Camera for Grabber {
 
     fn set_gain(&mut self, gain: f64, deadline: &Deadline) -> Result<f64, DeviceError> {
         let set = move |capture: &mut dyn Capture| capture.set_gain(gain);
-        self.worker.call("setting the gain", deadline, set)?
+        let got = self.worker.call("setting the gain", deadline, set)??;
+        self.gain = None;
+        Ok(got)
     }
 
     fn set_temperature_c(&mut self, _: f64, _: &Deadline) -> Result<f64, DeviceError> {
@@ -474,8 +670,9 @@ impl Camera for Grabber {
         if self.times == FrameTimes::Host {
             // Those that the driver holds, and the one that is being exposed.
             for _ in 0..=self.settings.held {
-                self.worker.next(deadline)?;
+                self.next_picture(deadline)?;
             }
+            self.second = None;
         }
         self.next_of(exposure_s, deadline)?.ok_or(DeviceError::NotReady {
             device: DEVICE,

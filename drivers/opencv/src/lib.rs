@@ -7,6 +7,7 @@
 //! - `capture`: a source of pictures, whatever it is: a live device (`live`), a recorded file (`recording`), numbered images
 //!   (`sequence`), or one of the caller's own;
 //! - `worker`: the thread on which OpenCV blocks, so that a deadline ends the caller's wait all the same;
+//! - `cadence`: frames that were lost or doubled; `gamma`: light out of bent numbers; `interlace`: the two fields of a frame;
 //! - `grabber`: any of them as a [`device::Camera`](sunglint_drivers::device::Camera), with an honest time for each frame;
 //! - `recorder`: frames into a lossless recording, with their times, exposures and check sums in a table beside it (`sidecar`);
 //! - `bayer`: colours out of a mosaic;
@@ -23,11 +24,17 @@ mod address;
 #[cfg(feature = "opencv")]
 pub mod bayer;
 #[cfg(feature = "opencv")]
+mod cadence;
+#[cfg(feature = "opencv")]
 pub mod capture;
 #[cfg(feature = "opencv")]
 mod error;
 #[cfg(feature = "opencv")]
+mod gamma;
+#[cfg(feature = "opencv")]
 pub mod grabber;
+#[cfg(feature = "opencv")]
+mod interlace;
 #[cfg(feature = "opencv")]
 pub mod live;
 #[cfg(feature = "opencv")]
@@ -48,6 +55,12 @@ mod worker;
 #[cfg(feature = "opencv")]
 pub use address::{open, provide};
 #[cfg(feature = "opencv")]
-pub use grabber::{FrameTimes, Grabber, GrabberSettings, Lossy, Source};
+pub use cadence::Losses;
+#[cfg(feature = "opencv")]
+pub use gamma::Gamma;
+#[cfg(feature = "opencv")]
+pub use grabber::{Automatic, Doubled, FrameTimes, Grabber, GrabberSettings, Lossy, Source};
+#[cfg(feature = "opencv")]
+pub use interlace::Field;
 #[cfg(feature = "opencv")]
 pub use recorder::{RecordError, Recorded, Recorder};

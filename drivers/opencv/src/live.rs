@@ -2,7 +2,7 @@
 //!
 //! OpenCV is told to convert nothing, so that the pixels are the sensor's: of `Y16 ` it would otherwise give 8 bits, three times.
 
-use crate::capture::{About, Capture, four_characters, printable};
+use crate::capture::{self, About, Automation, Capture, four_characters, printable};
 use crate::error::{DEVICE, said, wrong};
 use crate::mat;
 use crate::picture::Picture;
@@ -198,6 +198,7 @@ impl Device {
             return Err(not_taken("columns and rows, px", format!("{size:?}"), format!("{got:?}")));
         }
         self.about.size_px = got;
+        self.about.interval_s = capture::interval_s(self.get(videoio::CAP_PROP_FPS)?);
         Ok(())
     }
 }
@@ -241,7 +242,8 @@ impl Capture for Device {
         let position_ms = Some(position).filter(|ms| ms.is_finite() && *ms > 0.0);
         let index = self.next;
         self.next += 1;
-        Ok(Some(Picture { planes, bits, index, position_ms, arrived }))
+        let readings = self.exposure_and_gain();
+        Ok(Some(Picture { planes, bits, index, position_ms, arrived, readings }))
     }
 
     fn set_exposure_s(&mut self, exposure_s: f64) -> Result<f64, DeviceError> {
@@ -290,5 +292,14 @@ impl Capture for Device {
             }
         };
         [exposure_s, known(videoio::CAP_PROP_GAIN)]
+    }
+
+    /// Video4Linux has 0 for an automatic exposure, 1 for a manual one, 2 and 3 for those that leave the shutter or the iris. OpenCV hands no
+    /// automatic gain on: that the gain changes is seen in each picture's readings.
+    fn automation(&self) -> Automation {
+        let said = self.device.get(videoio::CAP_PROP_AUTO_EXPOSURE).ok();
+        // OpenCV says -1 where there is no such control.
+        let exposure = said.filter(|value| *value >= 0.0).map(|value| value != MANUAL);
+        Automation { exposure, gain: None }
     }
 }

@@ -24,6 +24,8 @@ pub struct Picture {
     pub position_ms: Option<f64>,
     /// When it had come, UTC of the host: of live sources only.
     pub arrived: Option<hifitime::Epoch>,
+    /// Exposure, s, and gain as the driver said them when it came, where it does.
+    pub readings: [Option<f64>; 2],
 }
 
 /// Which plane of a colour picture becomes the frame. Monochrome pictures are taken as they are.

@@ -1,6 +1,6 @@
 //! A recorded file, through OpenCV's FFmpeg.
 
-use crate::capture::{About, Capture, four_characters, printable};
+use crate::capture::{self, About, Capture, four_characters, printable};
 use crate::error::{said, wrong};
 use crate::mat;
 use crate::picture::Picture;
@@ -71,7 +71,10 @@ impl Recording {
         });
         let backend = file.get_backend_name().map_err(|error| said(&doing, &error))?;
         let (name, codec) = (shown.to_string(), Some(codec));
-        let about = About { name, backend, size_px, codec, pictures, bayer: None, lossy };
+        let rate_hz = property(videoio::CAP_PROP_FPS)?;
+        let interval_s = capture::interval_s(rate_hz);
+        let about =
+            About { name, backend, size_px, codec, pictures, bayer: None, lossy, interval_s };
         Ok(Self { path: path.to_owned(), file, next: 0, about })
     }
 }
@@ -97,6 +100,6 @@ impl Capture for Recording {
         let position_ms = Some(position).filter(|ms| ms.is_finite());
         let index = self.next;
         self.next += 1;
-        Ok(Some(Picture { planes, bits, index, position_ms, arrived: None }))
+        Ok(Some(Picture { planes, bits, index, position_ms, arrived: None, readings: [None; 2] }))
     }
 }

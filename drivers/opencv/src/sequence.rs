@@ -128,6 +128,7 @@ impl Sequence {
             pictures: Some(numbers.len() as u64),
             bayer: None,
             lossy,
+            interval_s: None,
         };
         Ok(Self { pattern, first, count: numbers.len() as u64, next: 0, about, bits })
     }
@@ -160,6 +161,13 @@ impl Capture for Sequence {
         }
         let index = self.next;
         self.next += 1;
-        Ok(Some(Picture { planes, bits, index, position_ms: None, arrived: None }))
+        Ok(Some(Picture {
+            planes,
+            bits,
+            index,
+            position_ms: None,
+            arrived: None,
+            readings: [None; 2],
+        }))
     }
 }

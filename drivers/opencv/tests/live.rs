@@ -11,10 +11,12 @@ use std::sync::mpsc;
 use std::time::Duration;
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{Camera as _, Device as _, DeviceError, Interrupted};
-use sunglint_drivers_opencv::capture::{About, Capture, Open};
+use sunglint_drivers_opencv::capture::{About, Automation, Capture, Open};
 use sunglint_drivers_opencv::live::{Format, Live, Place};
 use sunglint_drivers_opencv::picture::{Picture, Planes};
-use sunglint_drivers_opencv::{FrameTimes, Grabber, GrabberSettings, Source};
+use sunglint_drivers_opencv::{
+    Automatic, Field, FrameTimes, Grabber, GrabberSettings, Losses, Source,
+};
 use sunglint_formats::{Bayer, time};
 
 #[test]
@@ -79,6 +81,7 @@ impl Capture for Desk {
             index,
             position_ms: Some(1e3 * since_s + 77.0),
             arrived: Some(first() + hifitime::Duration::from_seconds(since_s)),
+            readings: [None; 2],
         }))
     }
 
@@ -187,4 +190,131 @@ fn a_source_that_does_not_open_in_time_is_an_error() {
         .unwrap_err();
     assert!(matches!(error, DeviceError::TooSlow { action: "opening the source", .. }), "{error}");
     drop(keep);
+}
+
+/// A camera that loses pictures and turns its own gain: each picture is given by when it was taken, ms by its driver's clock, and its gain.
+struct Moody {
+    pictures: std::vec::IntoIter<(f64, f64)>,
+    next: u64,
+    automation: Automation,
+}
+
+impl Capture for Moody {
+    fn about(&self) -> About {
+        let (name, size_px) = ("moody".into(), [4, 2]);
+        About { name, size_px, interval_s: Some(0.04), ..About::default() }
+    }
+
+    fn next(&mut self) -> Result<Option<Picture>, DeviceError> {
+        let Some((at_ms, gain)) = self.pictures.next() else { return Ok(None) };
+        let index = self.next;
+        self.next += 1;
+        let pixels = Array2::from_shape_fn((2, 4), |(row, column)| {
+            (10 * index as usize + 4 * row + column) as u16
+        });
+        // The host is late by up to 30 ms.
+        let late_ms = 10.0 * (index % 4) as f64;
+        Ok(Some(Picture {
+            planes: Planes::Mono(pixels),
+            bits: 8,
+            index,
+            position_ms: Some(at_ms),
+            arrived: Some(first() + hifitime::Duration::from_seconds(1e-3 * (at_ms + late_ms))),
+            readings: [Some(0.01), Some(gain)],
+        }))
+    }
+
+    fn set_exposure_s(&mut self, exposure_s: f64) -> Result<f64, DeviceError> {
+        Ok(exposure_s)
+    }
+
+    fn automation(&self) -> Automation {
+        self.automation
+    }
+}
+
+fn moody(
+    pictures: &[(f64, f64)],
+    automation: Automation,
+    settings: GrabberSettings,
+) -> Result<(Vec<sunglint_formats::Frame>, Grabber), String> {
+    let pictures = pictures.to_vec().into_iter();
+    let open: Open = Box::new(move || Ok(Box::new(Moody { pictures, next: 0, automation })));
+    let mut grabber = Grabber::over(open, FrameTimes::Host, settings, &within(5.0)).unwrap();
+    let mut frames = Vec::new();
+    let mut take = |frame| {
+        frames.push(frame);
+        ControlFlow::Continue(())
+    };
+    match grabber.stream(0.01, &mut take, &within(5.0)) {
+        Ok(_) => Ok((frames, grabber)),
+        Err(stopped) => Err(stopped.error.to_string()),
+    }
+}
+
+/// Truth: the driver's times: 40 ms from picture to picture, but for three that are lacking in two gaps; the host's lateness says nothing. A break
+/// of an hour is none.
+#[test]
+fn lost_pictures_are_counted_by_the_drivers_clock() {
+    let times = [0.0, 40.0, 80.0, 160.0, 200.0, 320.0, 360.0, 3_600_360.0, 3_600_400.0];
+    let pictures = times.map(|at_ms| (at_ms, 1.0));
+    let found = moody(&pictures, Automation::default(), GrabberSettings::default());
+    let (frames, grabber) = found.unwrap();
+    assert_eq!(grabber.losses(), Losses { lost: 3, doubled: 0 });
+    let lost: Vec<_> = frames.iter().map(|frame| frame.header.integer("GRABLOST")).collect();
+    let (one, three) = (Some(1), Some(3));
+    assert_eq!(lost, [None, None, None, one, one, three, three, three, three]);
+}
+
+/// Truth: the picture had come when the second field ended: both began half an interval apart, each before its own end by the exposure.
+#[test]
+fn live_fields_end_when_the_picture_has_come() {
+    let settings = GrabberSettings { fields: Some(Field::Bottom), ..GrabberSettings::default() };
+    let (frames, _) = moody(&[(100.0, 1.0)], Automation::default(), settings).unwrap();
+    let starts: Vec<f64> = frames.iter().map(|f| (f.start - first()).to_seconds()).collect();
+    assert_eq!(starts.len(), 2);
+    for (start, expected) in starts.iter().zip([0.07, 0.09]) {
+        assert!((start - expected).abs() < 1e-9, "{starts:?}");
+    }
+    assert_eq!(frames[0].pixels.as_slice().unwrap(), [4, 5, 6, 7]);
+    assert_eq!(frames[1].pixels.as_slice().unwrap(), [0, 1, 2, 3]);
+}
+
+/// Automatic exposure or gain, by what the driver says or by a gain that changes, is refused, and where it is taken each frame says so.
+#[test]
+fn automatic_exposure_and_gain_are_refused() {
+    let steady = [(0.0, 2.0), (40.0, 2.0), (80.0, 2.0)];
+    let turned = [(0.0, 2.0), (40.0, 2.0), (80.0, 3.0)];
+    let on = |exposure, gain| Automation { exposure, gain };
+    let flag = GrabberSettings { automatic: Automatic::Flag, ..GrabberSettings::default() };
+    for (pictures, says, what, cards) in [
+        (steady, on(Some(true), None), "sets the exposure by itself", [Some(true), None]),
+        (steady, on(None, Some(true)), "sets the gain by itself", [None, Some(true)]),
+        (steady, on(Some(true), Some(true)), "sets exposure and gain by itself", [Some(true); 2]),
+        (turned, on(Some(false), None), "sets the gain by itself", [None, Some(true)]),
+    ] {
+        let error = moody(&pictures, says, GrabberSettings::default()).unwrap_err();
+        assert!(error.contains(what) && error.contains("Automatic::Flag"), "{error}");
+        let (frames, _) = moody(&pictures, says, flag).unwrap();
+        let found = ["AUTOEXP", "AUTOGAIN"].map(|card| frames[2].header.logical(card));
+        assert_eq!((frames.len(), found), (3, cards), "{what}");
+    }
+    for says in [on(None, None), on(Some(false), Some(false))] {
+        let (frames, _) = moody(&steady, says, GrabberSettings::default()).unwrap();
+        assert!(frames.iter().all(|f| f.header.get("AUTOEXP").is_none()));
+    }
+    // The camera says another exposure than it was set to.
+    let error = moody_at(0.02).unwrap_err();
+    assert!(error.contains("sets the exposure by itself"), "{error}");
+}
+
+/// A camera that says 0.01 s whatever it was set to.
+fn moody_at(exposure_s: f64) -> Result<u64, String> {
+    let pictures = vec![(0.0, 1.0)].into_iter();
+    let automation = Automation::default();
+    let open: Open = Box::new(move || Ok(Box::new(Moody { pictures, next: 0, automation })));
+    let settings = GrabberSettings::default();
+    let mut grabber = Grabber::over(open, FrameTimes::Host, settings, &within(5.0)).unwrap();
+    let mut take = |_| ControlFlow::Continue(());
+    grabber.stream(exposure_s, &mut take, &within(5.0)).map_err(|e| e.error.to_string())
 }

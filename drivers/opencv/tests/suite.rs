@@ -5,6 +5,7 @@
 mod bayer;
 #[cfg(feature = "opencv")]
 mod common;
+mod fields;
 mod films;
 mod images;
 mod live;

@@ -38,6 +38,8 @@ const fn option(
 const PATTERNS: &[&str] = &["RGGB", "GRBG", "GBRG", "BGGR"];
 const FORMATS: &[&str] = &["grey8", "grey16", "yuyv", "uyvy", "bgr", "bayer8"];
 const PLANES: &[&str] = &["same", "blue", "green", "red"];
+const FIELDS: &[&str] = &["none", "top", "bottom"];
+const DOUBLED: &[&str] = &["leave-out", "keep"];
 
 pub(super) static OPENCV: Driver = Driver {
     name: "opencv",
@@ -61,6 +63,30 @@ pub(super) static OPENCV: Driver = Driver {
         option("plane", OptionKind::Word(PLANES), "same", "plane of a colour picture"),
         option("bayer", OptionKind::Word(PATTERNS), "", "mosaic at the first pixel"),
         option("lossy", OptionKind::Flag, "no", "takes lossy films, and says so in each frame"),
+        option(
+            "auto",
+            OptionKind::Flag,
+            "no",
+            "live: takes automatic exposure and gain, and says so in each frame",
+        ),
+        option(
+            "fields",
+            OptionKind::Word(FIELDS),
+            "none",
+            "splits interlaced frames: which field was exposed first",
+        ),
+        option(
+            "gamma",
+            OptionKind::Number(0.1, 1.0),
+            "",
+            "undoes this gamma: recorded = light^gamma of full scale",
+        ),
+        option(
+            "doubled",
+            OptionKind::Word(DOUBLED),
+            "leave-out",
+            "frames that repeat the one before, all counted",
+        ),
         option(
             "first_utc",
             OptionKind::Utc,
