@@ -273,7 +273,10 @@ fn the_commands_of_the_page_run() {
     // As fast as a test should be.
     std::fs::write(&scene, text.replace("step_s = 0.5", "step_s = 5.0")).unwrap();
     let cubes = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/thesis/lageos.toml");
-    std::fs::copy(cubes, folder.path("lageos.toml")).unwrap();
+    let mut tables = page.split("```").filter_map(|block| block.strip_prefix("toml\n"));
+    let ranging = tables.find(|block| block.contains("[laser.ranging]")).unwrap();
+    let cubes = std::fs::read_to_string(cubes).unwrap();
+    std::fs::write(folder.path("lageos.toml"), format!("{cubes}\n{ranging}")).unwrap();
     for command in page.lines().filter_map(|l| l.strip_prefix("sunglint ")) {
         folder.done(&command.split(' ').collect::<Vec<_>>());
     }
