@@ -208,6 +208,7 @@ impl Camera for Film {
             self.reel.clock.sleep(END);
             return Err(DeviceError::NotReady { device: DEVICE, reason: "it is over" });
         };
+        let frame = self.complete(frame)?;
         self.wait_until(frame.start + hifitime::Duration::from_seconds(frame.exposure_s));
         if (frame.exposure_s - exposure_s).abs() > EXPOSURE * exposure_s {
             let what = format!(
@@ -216,7 +217,7 @@ impl Camera for Film {
             );
             return Err(DeviceError::NotOurs { device: DEVICE, what });
         }
-        self.complete(frame)
+        Ok(frame)
     }
 }
 
@@ -307,14 +308,15 @@ mod tests {
         let mut film = Film { start: first(), reel };
         let mut next = || {
             let frame = film.expose(0.02, &Deadline::within(Duration::from_secs(5)));
-            frame.map(|frame| (frame.start - first()).to_seconds()).map_err(|e| e.to_string())
+            let since_ms = |frame: Frame| (1e3 * (frame.start - first()).to_seconds()).round();
+            frame.map(since_ms).map_err(|e| e.to_string())
         };
         let start =
             "recording: the frame is not ours: frames of the recording before 2026-11-24T21:00:00";
         assert_eq!(next(), Ok(0.0));
         assert_eq!(next(), Err(format!("{start}.100Z: 3 lost (3 so far)")));
-        assert_eq!(next(), Ok(0.1));
+        assert_eq!(next(), Ok(100.0));
         assert_eq!(next(), Err(format!("{start}.200Z: 1 doubled (1 so far)")));
-        assert_eq!(next(), Ok(0.2));
+        assert_eq!(next(), Ok(200.0));
     }
 }
