@@ -115,6 +115,46 @@ mod with_opencv {
         assert!(folder.refused(1, &film).contains("nothing of it can be written down"));
     }
 
+    /// Truth: the pixels as FFmpeg decodes them, taken row by row: a film's frame gives its even rows first, its odd rows 20 ms later; and with a gamma of 0.45 each number n as 65 535 (n / 255)^(1/0.45),
+    /// to the rounding.
+    #[test]
+    fn an_interlaced_film_is_observed_field_by_field() {
+        let folder = Folder::with_opencv("fields");
+        let plan = plan(film().to_str().unwrap(), "");
+        let truth = std::fs::read(film().with_extension("gray")).unwrap();
+        let begun = parse_utc("2026-11-24T21:00:00Z").unwrap();
+        for (name, more) in [("plain", ""), ("bent", ", \"gamma=0.45\"")] {
+            let plan = plan.replace("exposure_s = 0.04\n", "exposure_s = 0.02\n").replace(
+                "\"interval_s=0.04\"]",
+                &format!("\"interval_s=0.04\", \"fields=top\"{more}]"),
+            );
+            assert!(plan.contains("fields=top") && plan.contains("exposure_s = 0.02"), "{plan}");
+            std::fs::write(folder.path("night.toml"), plan).unwrap();
+            folder.done(&["observe", "night.toml", "-o", name]);
+            folder.done(&["session", "check", name]);
+            let fields = frames(&Session::open(folder.path(name)).unwrap());
+            assert_eq!(fields.len(), 40, "{name}");
+            for (i, (_, field)) in fields.iter().enumerate() {
+                let (frame, second) = (i / 2, i % 2);
+                let start: Epoch = begun + hifitime::Duration::from_seconds(0.02 * i as f64);
+                assert!((field.start - start).to_seconds().abs() < 1e-6, "{name} {i}");
+                assert_eq!((field.exposure_s, field.binning), (0.02, [1, 2]), "{name} {i}");
+                let side = ["top", "bottom"][second];
+                assert_eq!(field.header.text("FIELD").map(str::trim), Some(side), "{name} {i}");
+                assert_eq!(field.pixels.dim(), (SIZE[1] / 2, SIZE[0]));
+                for ((row, column), found) in field.pixels.indexed_iter() {
+                    let number = truth[(frame * SIZE[1] + 2 * row + second) * SIZE[0] + column];
+                    let light = match more {
+                        "" => f64::from(number),
+                        _ => 65_535.0 * (f64::from(number) / 255.0).powf(1.0 / 0.45),
+                    };
+                    let off = (f64::from(*found) - light).abs();
+                    assert!(off <= 0.5 + 1e-6, "{name} {i} {row} {column}: {found} {light}");
+                }
+            }
+        }
+    }
+
     /// Each of these is said, with what to do, and no exit code calls it a night: another exposure than the film's, a film that is cut
     /// off, none at all, one without times, a plan without a beginning, live devices beside it.
     #[test]
