@@ -153,8 +153,10 @@ pub struct Weather {
 pub struct Pointing {
     /// Second of the day.
     pub second_s: f64,
-    /// Azimuth and elevation, degrees.
-    pub angles_deg: [f64; 2],
+    /// From north by east, degrees.
+    pub azimuth_deg: f64,
+    /// Above the horizon, degrees.
+    pub elevation_deg: f64,
     /// Direction, origin, refraction corrected.
     pub flags: [i64; 3],
     /// Rates of both, degrees per second; version 2.
@@ -384,7 +386,8 @@ fn record_of<'a>(
         }),
         "30" => Record::Pointing(Pointing {
             second_s: f.second()?,
-            angles_deg: [f.number("azimuth")?, f.number("elevation")?],
+            azimuth_deg: f.number("azimuth")?,
+            elevation_deg: f.number("elevation")?,
             flags: f.integers("flags")?,
             rates: [f.maybe("azimuth rate", true)?, f.maybe("elevation rate", true)?],
         }),
@@ -456,9 +459,10 @@ pub fn to_string(crd: &Crd) -> Result<String, EncodeError> {
             ),
             Record::Weather(w) => format!("20 {} {} {}", w.second_s, na(&w.air), w.origin),
             Record::Pointing(p) => format!(
-                "30 {} {} {} {}",
+                "30 {} {} {} {} {}",
                 p.second_s,
-                list(&p.angles_deg),
+                p.azimuth_deg,
+                p.elevation_deg,
                 list(&p.flags),
                 na(&p.rates)
             ),
@@ -585,13 +589,14 @@ mod tests {
         assert_eq!(records[5], &Record::Shot(shot));
         let pointing = Pointing {
             second_s: 55_432.041_433_8,
-            angles_deg: [297.299, 38.634],
+            azimuth_deg: 297.299,
+            elevation_deg: 38.634,
             flags: [0, 2, 1],
             rates: [None, None],
         };
         assert_eq!(records[8], &Record::Pointing(pointing));
         let point = NormalPoint {
-            second_s: 3104.347_543_373_788,
+            second_s: 3_104.347_543_373_788,
             flight_s: 0.010_760_099_652,
             configuration: "std".into(),
             event: 2,
