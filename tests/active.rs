@@ -341,7 +341,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[test]
 fn range_data_of_a_cpf() {
     let folder = Folder::new("active-crd");
-    let site = site_itrs_m(48.782_388_888_888_889, 9.196_416_666_666_667, 399.0);
+    let site = site_itrs_m(48.782_388_888_888_89, 9.196_416_666_666_667, 399.0);
     let up = site.map(|x| x / distance(site, [0.0; 3]));
     // Across the vertical.
     let norm = up[0].hypot(up[1]);

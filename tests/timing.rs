@@ -1,5 +1,7 @@
 //! When a camera exposes: measured by a lamp, taken off the times of frames, and what a frame says where it was not measured.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use crate::common::Folder;
 use hifitime::{Epoch, Unit};
 use std::sync::Arc;

@@ -238,7 +238,7 @@ fn moody(
     automation: Automation,
     settings: GrabberSettings,
 ) -> Result<(Vec<sunglint_formats::Frame>, Grabber), String> {
-    let pictures = pictures.to_vec().into_iter();
+    let pictures = Vec::from(pictures).into_iter();
     let open: Open = Box::new(move || Ok(Box::new(Moody { pictures, next: 0, automation })));
     let mut grabber = Grabber::over(open, FrameTimes::Host, settings, &within(5.0)).unwrap();
     let mut frames = Vec::new();
