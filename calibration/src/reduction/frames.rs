@@ -5,13 +5,14 @@ use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of, said_kind};
 use super::sky::Body;
+use super::times::{TimeDoubt, Times, move_to_row};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
     Colour, Detection, Detector as SourceDetector, Expected, FrameCalibration, FrameMeasurement,
     FrameReducer, PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
-use crate::timing::{CameraTiming, JITTER, SYSTEMATIC, Timings};
+use crate::timing::Timings;
 use crate::track::Track;
 use glam::DVec2;
 use hifitime::{Epoch, Unit};
@@ -71,7 +72,7 @@ pub struct CameraNight {
     pub from_library: Vec<String>,
     /// Names of the masters that were added to it.
     pub to_library: Vec<String>,
-    /// How sure the times of each stay's frames are.
+    /// Doubt of the times of each stay's frames.
     pub times: Vec<TimeDoubt>,
     /// Settings of exposure, gain, binning, window and filter that the frames of targets have.
     pub settings: usize,
@@ -92,80 +93,6 @@ pub struct FrameLook {
     pub fwhm_px: Option<f64>,
     /// Background of a pixel of the first plane, ADU; NaN where there is none.
     pub background_adu: f64,
-}
-
-/// How sure the times of frames are.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct TimeDoubt {
-    /// Largest standard uncertainty of a frame's times, s; `None` where no frame says one.
-    pub sigma_s: Option<f64>,
-    /// Frames from whose times a measured latency was taken off.
-    pub corrected: usize,
-    /// Frames without a measured latency.
-    pub uncorrected: usize,
-}
-
-impl TimeDoubt {
-    /// A sentence for the provenance; `None` where nothing is known.
-    pub fn note(&self, camera: &str) -> Option<String> {
-        let sigma_s = self.sigma_s?;
-        let sure = format!("times are sure to {sigma_s:.1e} s (1 σ)");
-        Some(match (self.corrected, self.uncorrected) {
-            (0, _) => {
-                format!("camera {camera}: {sure}: its latency is not measured (sunglint timing)")
-            }
-            (_, 0) => format!("camera {camera}: its measured latency is taken off; {sure}"),
-            (corrected, left) => format!(
-                "camera {camera}: the measured latency is taken off {corrected} frames, not off {left} of another binning or clock; {sure}"
-            ),
-        })
-    }
-}
-
-/// Takes measured latencies off frames' times.
-#[derive(Debug)]
-struct Times<'a> {
-    timings: Option<&'a Timings>,
-    camera: &'a str,
-    of_stay: Vec<TimeDoubt>,
-}
-
-impl<'a> Times<'a> {
-    fn new(timings: Option<&'a Timings>, camera: &'a str, stays: usize) -> Self {
-        Self { timings, camera, of_stay: vec![TimeDoubt::default(); stays] }
-    }
-
-    /// Takes the camera's latency off a frame's begin, where it was measured. Gives the time of a row, s.
-    fn take(&mut self, frame: &mut Frame, stay: usize) -> f64 {
-        let timing = self.timings.and_then(|timings| timings.correct(self.camera, frame));
-        let doubt = &mut self.of_stay[stay];
-        match timing {
-            Some(_) => doubt.corrected += 1,
-            None => doubt.uncorrected += 1,
-        }
-        let said = [SYSTEMATIC, JITTER].map(|keyword| frame.header.real(keyword));
-        if said.iter().any(Option::is_some) {
-            let [systematic, jitter] = said.map(|sigma_s| sigma_s.unwrap_or(0.0));
-            let sigma_s = systematic.hypot(jitter);
-            doubt.sigma_s = Some(doubt.sigma_s.map_or(sigma_s, |most| most.max(sigma_s)));
-        }
-        timing.and_then(|timing| timing.row_time_s).map_or(0.0, |time| time.value)
-    }
-
-    /// Says that measured times were given and fit no frame of some.
-    fn warning(&self) -> Option<String> {
-        let timings = self.timings?;
-        let left: usize = self.of_stay.iter().map(|doubt| doubt.uncorrected).sum();
-        (left > 0).then(|| {
-            let known: Vec<String> = timings.cameras.iter().map(CameraTiming::name).collect();
-            format!(
-                "camera {}: {left} frames keep their own times: {} has {}",
-                self.camera,
-                timings.path.display(),
-                known.join(", ")
-            )
-        })
-    }
 }
 
 /// A frame to be drawn, or its part about the target.
@@ -673,14 +600,6 @@ struct Ahead {
     held: usize,
     /// Time by which each row begins after the one before, s.
     row_time_s: f64,
-}
-
-/// Moves a measurement to the time of its target's row; without a target to that of the middle one.
-fn move_to_row(measured: &mut FrameMeasurement, frame: &Frame, row_time_s: f64) {
-    let row_px = measured.place_px.map_or(0.5 * frame.pixels.nrows() as f64, |place| place.y);
-    let later = hifitime::Duration::from_seconds(row_time_s * row_px);
-    measured.time += later;
-    measured.track.time += later;
 }
 
 /// A frame that was measured.

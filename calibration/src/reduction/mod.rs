@@ -16,6 +16,7 @@ pub(crate) mod sensor;
 pub mod sight;
 pub mod sky;
 pub mod tags;
+pub mod times;
 pub mod wings;
 
 pub use error::ReduceError;

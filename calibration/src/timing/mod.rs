@@ -141,7 +141,7 @@ fn instrument(frame: &Frame) -> Option<String> {
     (!name.is_empty()).then_some(name)
 }
 
-/// How times are measured.
+/// Options of a measurement.
 #[derive(Debug, Clone, Default)]
 pub struct TimingOptions {
     /// The camera; all of the sessions without one.
