@@ -30,7 +30,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew), `calibrate` (the bootstrap of its intervals), `fit` (where its search begins), `focus run` (its virtual telescope) and `demo` (its night)
+    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew), `calibrate` (the bootstrap of its intervals), `fit` (where its search begins), `focus run` (its virtual telescope), `simulate --active` (single detections) and `demo` (its night)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -215,7 +215,7 @@ impl Command {
             Command::Track(args) => track::run(args, console),
             Command::Focus(command) => focus::run(command, console, seed),
             Command::MountWatchdog(args) => track::watchdog(args),
-            Command::Simulate(args) => simulate::run(args, console),
+            Command::Simulate(args) => simulate::run(args, seed, console),
             Command::Compare(args) => compare::run(args, console),
             Command::Explain(args) => explain::run(args, console),
             Command::Light(args) => light::run(args, console),

@@ -57,9 +57,6 @@ pub struct SimulateArgs {
     /// Only this laser; may be given several times
     #[arg(long, value_name = "NAME", requires = "active")]
     pub laser: Vec<String>,
-    /// Number from which detections are drawn, for range data (`-o FILE.crd`, .frd or .npt)
-    #[arg(long, value_name = "N", requires = "active", default_value_t = 0)]
-    pub seed: u64,
     /// Epochs that are computed and written at once, for tests: results do not depend on it
     #[arg(long, hide = true, value_name = "EPOCHS")]
     pub piece_epochs: Option<NonZeroUsize>,
@@ -71,8 +68,8 @@ pub struct SimulateArgs {
     pub out: OutputArgs,
 }
 
-/// Simulates a pass.
-pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
+/// Simulates a pass; detections of range data are drawn from the seed.
+pub fn run(args: &SimulateArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     let (out, ranges) = args.out.parted(active::is_range_data);
     out.check()?;
@@ -110,7 +107,7 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     }
     clean_up_on_signals()?;
     let name = args.pass.display().to_string();
-    let asked = Asked { args, out: &out, ranges: &ranges.output, lasers: &lasers };
+    let asked = Asked { args, seed, out: &out, ranges: &ranges.output, lasers: &lasers };
     let shown = show(&pass, &name, &asked, console)?;
     if !shown.has_light && out.output.iter().any(|p| is_picture(p)) {
         bail!(
@@ -163,6 +160,7 @@ fn piece(pass: &Pass, asked: Option<NonZeroUsize>, lasers: &[&Laser]) -> NonZero
 /// Options of a simulation, with the files of range data apart from the others.
 struct Asked<'a> {
     args: &'a SimulateArgs,
+    seed: u64,
     out: &'a OutputArgs,
     ranges: &'a [PathBuf],
     lasers: &'a [&'a Laser],
@@ -170,7 +168,7 @@ struct Asked<'a> {
 
 /// Simulates a pass, with the returns of some lasers, writes its tables as they are made, and says on stderr what a person should hear of; `name` is that of its file.
 fn show(pass: &Pass, name: &str, asked: &Asked<'_>, console: Console) -> anyhow::Result<Shown> {
-    let Asked { args, out, ranges, lasers } = *asked;
+    let Asked { args, seed, out, ranges, lasers } = *asked;
     let polarised = args.polarisation;
     let clock = Clock::new(pass.times.len(), console);
     let epochs = piece(pass, args.piece_epochs, lasers);
@@ -190,8 +188,7 @@ fn show(pass: &Pass, name: &str, asked: &Asked<'_>, console: Console) -> anyhow:
             files.push(pass, piece).map_err(Stopped::Files)?;
             if !lasers.is_empty() {
                 returned = Some(
-                    active::of(piece.simulation, lasers, (ranges, args.seed))
-                        .map_err(Stopped::Files)?,
+                    active::of(piece.simulation, lasers, (ranges, seed)).map_err(Stopped::Files)?,
                 );
             }
             Ok(())
