@@ -99,9 +99,10 @@ pub struct NightArgs {
     /// Length of the sky beside each star, s
     #[arg(long, value_name = "S", default_value_t = 20.0, requires = "devices")]
     pub sky_s: f64,
-    /// Time from one place of the sky to another, s
-    #[arg(long, value_name = "S", default_value_t = 30.0, requires = "devices")]
-    pub slew_s: f64,
+    /// Time from one place of the sky to another, s [default: the longest way of the `[mount]`; 30
+    /// without one]
+    #[arg(long, value_name = "S", requires = "devices")]
+    pub slew_s: Option<f64>,
     /// Length of the dark frames at each end, s
     #[arg(long, value_name = "S", default_value_t = 60.0, requires = "devices")]
     pub dark_s: f64,
@@ -655,7 +656,7 @@ impl NightArgs {
         for (option, value, [least, most]) in [
             ("--star-s", self.star_s, [1.0, 7200.0]),
             ("--sky-s", self.sky_s, [0.0, 7200.0]),
-            ("--slew-s", self.slew_s, [0.0, 3600.0]),
+            ("--slew-s", self.slew_s.unwrap_or(0.0), [0.0, 3600.0]),
             ("--dark-s", self.dark_s, [0.0, 7200.0]),
             ("--max-airmass", self.max_airmass, [1.05, 10.0]),
             ("--seeing-arcsec", self.seeing_arcsec, [0.1, 60.0]),

@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+use crate::common::indi::{CCD, IndiServer, TELESCOPE};
 use crate::common::star_of_now::night_of_now;
 use crate::common::{Folder, SPHERE_PASS, virtual_night};
 use std::io::{BufRead as _, BufReader};
-use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -254,56 +254,24 @@ fn plans_with_a_mount_that_cannot_be() {
     wrong("camera = \"cam\"", "min_elevation_deg = 95", "0 to 89");
 }
 
-/// INDI's server with its simulated telescope and camera.
-struct Server {
-    child: Child,
-    port: u16,
-    /// The drivers keep their settings in the user's home: here it is nobody's.
-    _home: tempfile::TempDir,
+const PROGRAMS: [&str; 3] = ["indiserver", TELESCOPE, CCD];
+
+fn start() -> IndiServer {
+    IndiServer::start(&PROGRAMS[1..])
 }
 
-const PROGRAMS: [&str; 3] = ["indiserver", "indi_simulator_telescope", "indi_simulator_ccd"];
-
-impl Server {
-    fn start() -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let home = tempfile::tempdir().unwrap();
-        let child = Command::new("indiserver")
-            .args(["-p", &port.to_string()])
-            .args(&PROGRAMS[1..])
-            .env("HOME", home.path())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let limit = Instant::now() + Duration::from_secs(20);
-        while TcpStream::connect(("127.0.0.1", port)).is_err() {
-            assert!(Instant::now() < limit, "no server within 20 s");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        Self { child, port, _home: home }
-    }
-
-    fn mount(&self) -> Box<dyn Mount> {
-        let name = format!("indi-telescope:127.0.0.1:{}/Telescope Simulator", self.port);
-        let deadline = Deadline::within(Duration::from_secs(20));
-        let mut address = Address::parse(&name, &[]).unwrap();
-        let line = address.connect(&deadline).unwrap();
-        match address.open(line, &deadline).unwrap() {
-            AnyDevice::Mount(mount) => mount,
-            other => panic!("{}", other.kind()),
-        }
+fn mount_of(server: &IndiServer) -> Box<dyn Mount> {
+    let name = format!("indi-telescope:127.0.0.1:{}/Telescope Simulator", server.port);
+    let deadline = Deadline::within(Duration::from_secs(20));
+    let mut address = Address::parse(&name, &[]).unwrap();
+    let line = address.connect(&deadline).unwrap();
+    match address.open(line, &deadline).unwrap() {
+        AnyDevice::Mount(mount) => mount,
+        other => panic!("{}", other.kind()),
     }
 }
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-fn plan_of(server: &Server, star: &str, for_s: f64) -> String {
+fn plan_of(server: &IndiServer, star: &str, for_s: f64) -> String {
     format!(
         r#"station = "station"
 for_s = {for_s}
@@ -356,11 +324,11 @@ fn wait_for(root: &Path, state: &str) {
 fn a_visit_over_indis_wires_and_a_killed_program() {
     live("a_visit_over_indis_wires_and_a_killed_program", &PROGRAMS, || {
         let folder = Folder::new("mounted-indi");
-        let server = Server::start();
+        let server = start();
         let star = night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0);
         std::fs::write(folder.path("night.toml"), plan_of(&server, &star, 60.0)).unwrap();
         // A connection that begins while the mount moves is not ready within its time: its reports never pause.
-        let mut mount = server.mount();
+        let mut mount = mount_of(&server);
         let mut program = observe(&folder);
         let root = folder.0.join("s");
         wait_for(&root, "predicted");
@@ -403,14 +371,14 @@ fn a_visit_over_indis_wires_and_a_killed_program() {
 fn a_telescope_goes_to_a_star() {
     live("a_telescope_goes_to_a_star", &PROGRAMS, || {
         let folder = Folder::new("goto-indi");
-        let server = Server::start();
+        let server = start();
         let star = night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0);
         let mount = format!("indi-telescope:127.0.0.1:{}/Telescope Simulator", server.port);
         let common = ["goto", &star, "--mount", &mount, "--station", "station", "--trust-clock"];
         let made = folder.done(&[&common[..], &["--set-site", "--leave", "--json"]].concat());
         let json: serde_json::Value = serde_json::from_str(&made).unwrap();
         assert_eq!(json["off_arcsec"], serde_json::json!([]));
-        let mut own = server.mount();
+        let mut own = mount_of(&server);
         let soon = || Deadline::within(Duration::from_secs(5));
         let reading = own.reading(&soon()).unwrap();
         assert_eq!(reading.motion, MountMotion::Tracking);
@@ -447,7 +415,7 @@ fn a_telescope_goes_to_a_star() {
         until(MountMotion::Still);
         // Somebody else's park is not stopped.
         let (mut program, mut lines) = there();
-        server.mount().set_parked(true, &soon()).unwrap();
+        mount_of(&server).set_parked(true, &soon()).unwrap();
         assert!(lines.any(|line| line.unwrap().contains("it is left to them")));
         assert!(program.wait().unwrap().success());
         until(MountMotion::Parked);

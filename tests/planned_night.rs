@@ -136,6 +136,42 @@ fn a_night_is_planned_out_of_elements() {
     assert!(wrong.iter().all(|l| l.contains("ago") || l.contains("elements are")), "{wrong:?}");
 }
 
+/// Instruments with a mount. Truth: by hand: half a turn at 2 °/s and 10 s are 100 s before each star, 10′ are 10.08 s before its sky; two passes stay as near as 30 s to each other; a time that is given counts; the
+/// check of the plan names no visit that loses time on the way but the first, before which it is not known where the mount stands.
+#[test]
+fn a_mount_has_time_for_its_ways() {
+    let folder = Folder::new("planned-mount");
+    let mount = "[mount]\ndevice = \"indi-telescope:127.0.0.1:1/None\"\ncamera = \"cam\"\ntrust_clock = true\n";
+    let devices = DEVICES.replace("\n[[counter]]", &format!("\n{mount}\n[[counter]]"));
+    std::fs::write(folder.path("devices.toml"), devices).unwrap();
+    let tle = elements();
+    let gaps = |name: &str, more: &[&str]| {
+        let json = folder.json(&command(&tle, &[&["-o", name, "--json", "-q"], more].concat()));
+        let visits = visits(&std::fs::read_to_string(folder.path(name)).unwrap());
+        let spans: Vec<[f64; 2]> = visits.iter().map(seconds).collect();
+        let mut least = [f64::MAX; 3];
+        for (pair, of) in spans.windows(2).zip(visits.windows(2)) {
+            let is = |key: &str| of[1].contains_key(key);
+            let sky = of[1].get("off").and_then(|off| off.as_str()) == Some("sky");
+            let kind = [is("star"), sky, is("tle")].iter().position(|is| *is);
+            if let Some(kind) = kind {
+                least[kind] = least[kind].min(pair[1][0] - pair[0][1]);
+            }
+        }
+        let findings = json["plan"]["check"]["findings"].as_array().unwrap().clone();
+        let lost = |finding: &Value| finding["text"].as_str().unwrap().contains("the way there");
+        (least, findings.into_iter().filter(lost).collect::<Vec<Value>>())
+    };
+    let ([star, sky, pass], lost) = gaps("night.toml", &[]);
+    // The plan's times are whole seconds.
+    assert!((99.0..102.0).contains(&star) && (9.0..=12.0).contains(&sky) && pass >= 29.0);
+    let first = |finding: &Value| finding["text"].as_str().unwrap().contains("not known");
+    assert!(lost.iter().all(first) && lost.len() <= 1, "{lost:?}");
+    let ([star, ..], lost) = gaps("hasty.toml", &["--slew-s", "5"]);
+    assert!((4.0..7.0).contains(&star), "{star}");
+    assert!(lost.len() > 2, "{lost:?}");
+}
+
 /// Truth: the frames and counts of the virtual observatory, photon by photon: no pixel at the converter's end, no bin past its counter's saturation, in any star
 /// that was chosen with the magnitudes from 0 on. With V 0 to 1 alone, at 0.5 s, the plan has no star and says what would saturate.
 #[test]

@@ -24,6 +24,7 @@ mod grabber;
 mod hard_curves;
 mod hostile;
 mod house;
+mod indi_night;
 mod lab;
 mod licences;
 mod long_night;

@@ -382,7 +382,6 @@ fn the_check_names_what_is_missing() {
     }
 }
 
-/// Truth: a bin left out and one written twice, in the counter's own time; with its own flag a gap is none of the disk's.
 /// Truth: the byte that was changed. Half of the changes fall on a byte of all bytes, half on a file of all files: small files count as much as frames.
 #[test]
 fn a_changed_byte_is_found() {
@@ -480,6 +479,7 @@ fn a_device_without_data_is_missing() {
     assert!(said.contains("recorded no frame") && said.contains("recorded no bin"), "{said}");
 }
 
+/// Truth: a bin left out and one written twice, in the counter's own time; with its own flag a gap is none of the disk's.
 #[test]
 fn gaps_and_doubled_bins_are_told_apart() {
     for (bins, flag, expected) in [

@@ -3,6 +3,7 @@
 //! The passes that are brightest and do not overlap are taken; the stars between them stand at altitudes as far apart as can be, have different colours, and saturate
 //! nothing that the plan's cameras and counters record.
 
+use super::mount::MountPlan;
 use super::plan::Plan;
 use super::saturation::Judge;
 use super::sequence::Exposing;
@@ -30,8 +31,8 @@ pub struct PlannerOptions {
     pub star_s: f64,
     /// Length of the sky beside each star, s; 0 for none.
     pub sky_s: f64,
-    /// Time from one place of the sky to another, s.
-    pub slew_s: f64,
+    /// Time from one place of the sky to another, s; `None`: the longest way of the plan's mount, 30 s without a mount and between two passes.
+    pub slew_s: Option<f64>,
     /// Length of the dark frames at each end, s; 0 for none.
     pub dark_s: f64,
     /// Johnson V of the stars, brightest and faintest.
@@ -50,7 +51,7 @@ impl Default for PlannerOptions {
             stars: 6,
             star_s: 60.0,
             sky_s: 20.0,
-            slew_s: 30.0,
+            slew_s: None,
             dark_s: 60.0,
             star_mag: Interval::new(0.0, 6.0),
             airmass: 2.5,
@@ -248,6 +249,8 @@ struct Planner<'a> {
     warnings: Vec<String>,
 }
 
+/// Time from one place of the sky to another where no mount tells it, s.
+const SLEW_S: f64 = 30.0;
 /// The golden section: multiples of it, without their whole parts, are spread as evenly as can be.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 /// A shorter pass is left out, s: times of a plan are whole seconds, and a camera has to be set.
@@ -292,8 +295,8 @@ impl Planner<'_> {
             let out =
                 |why: String| format!("{} at {}: {why}", offer.label, format_utc(offer.span.0, 0));
             let free = |other: &&PassOffer| {
-                seconds(offer.span.1, other.span.0) >= self.options.slew_s
-                    || seconds(other.span.1, offer.span.0) >= self.options.slew_s
+                seconds(offer.span.1, other.span.0) >= self.gap_s()
+                    || seconds(other.span.1, offer.span.0) >= self.gap_s()
             };
             if !holds(&&night, offer) {
                 left_out.push(out("another night".into()));
@@ -317,7 +320,7 @@ impl Planner<'_> {
             let wanted = (self.options.stars + stretches - 1 - i) / stretches;
             let from = if i == 0 { later(night.0, ends_s) } else { passes[i - 1].span.1 };
             let to = passes.get(i).map_or(later(night.1, -ends_s), |pass| pass.span.0);
-            let room_s = seconds(from, to) - self.options.slew_s;
+            let room_s = seconds(from, to) - self.slew_s();
             let count = wanted.min((room_s / block_s).floor().max(0.0) as usize);
             if count < wanted {
                 self.warnings.push(format!(
@@ -331,9 +334,9 @@ impl Planner<'_> {
             for j in 0..count {
                 let begin = match j < after {
                     true => later(from, j as f64 * block_s),
-                    false => later(to, -self.options.slew_s - (count - j) as f64 * block_s),
+                    false => later(to, -self.slew_s() - (count - j) as f64 * block_s),
                 };
-                visits.extend(self.star(later(begin, self.options.slew_s), place)?);
+                visits.extend(self.star(later(begin, self.slew_s()), place)?);
                 place += 1;
                 let end = later(begin, block_s);
                 first = if begin < first { begin } else { first };
@@ -413,14 +416,14 @@ impl Planner<'_> {
         if let Some(short) = passes.iter().find(|pass| whole_length_s(pass) < LEAST_PASS_S) {
             return Err(too_short(short));
         }
-        let slew_s = self.options.slew_s;
         for pair in passes.windows(2) {
-            let gap_s = seconds(pair[0].span.1, pair[1].span.0);
+            let (gap_s, slew_s) = (seconds(pair[0].span.1, pair[1].span.0), self.gap_s());
             if gap_s < slew_s {
                 let (first, second) = (pair[0].label.clone(), pair[1].label.clone());
                 return Err(PlannerError::Overlap { first, second, gap_s, slew_s });
             }
         }
+        let slew_s = self.slew_s();
         let holds = |night: &&(Epoch, Epoch)| {
             passes.first().is_none_or(|pass| night.0 <= pass.span.0 && pass.span.1 <= night.1)
         };
@@ -506,9 +509,28 @@ impl Planner<'_> {
         self.options.star_s * self.filters().len().max(1) as f64
     }
 
-    /// A star, the sky beside it, and the way there.
+    /// Least time between two passes, s. A mount whose longest way takes more may lose a part of the second; the check of the plan says how much.
+    fn gap_s(&self) -> f64 {
+        self.options.slew_s.unwrap_or(SLEW_S)
+    }
+
+    /// Time from one place of the sky to a star or a pass, s.
+    fn slew_s(&self) -> f64 {
+        let mount = self.around.devices.mount.as_ref();
+        let farthest_s = || mount.map_or(SLEW_S, MountPlan::farthest_s);
+        self.options.slew_s.unwrap_or_else(farthest_s)
+    }
+
+    /// Time from a star to the sky beside it, s: without a mount whoever points the telescope does it at once.
+    fn beside_s(&self) -> f64 {
+        self.around.devices.mount.as_ref().map_or(0.0, MountPlan::beside_s)
+    }
+
+    /// A star, the sky beside it, and the ways there.
     fn star_block_s(&self) -> f64 {
-        self.options.slew_s + self.star_s() + self.options.sky_s
+        let sky_s = self.options.sky_s;
+        let sky_s = if sky_s > 0.0 { self.beside_s() + sky_s } else { 0.0 };
+        self.slew_s() + self.star_s() + sky_s
     }
 
     fn pass(&self, pass: &PassOffer) -> PlannedVisit {
@@ -627,7 +649,7 @@ impl Planner<'_> {
         };
         let mut visits = vec![(begin, visit)];
         if self.options.sky_s > 0.0 {
-            let begin = later(begin, for_s);
+            let begin = later(begin, for_s + self.beside_s());
             visits.push((begin, self.off("sky", begin, self.options.sky_s, "")));
         }
         visits

@@ -5,6 +5,7 @@
 
 pub mod browser;
 pub mod hostile;
+pub mod indi;
 pub mod night;
 pub mod star_of_now;
 pub mod tagged;

@@ -9,7 +9,6 @@ use crate::worker::Worker;
 use hifitime::{Epoch, Unit};
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::session::{Target, TargetKind};
-use sunglint_formats::toml::Positive;
 use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::sky::{AzimuthAltitude, Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
@@ -146,7 +145,7 @@ impl Job {
             None => &self.visit.target,
         };
         let beside_deg = match self.visit.target.target_kind {
-            TargetKind::Sky => plan.sky_beside_arcmin.map_or(10.0, Positive::get) / 60.0,
+            TargetKind::Sky => plan.sky_beside_deg(),
             _ => 0.0,
         };
         if let Some(star) = star_of(target) {

@@ -199,6 +199,16 @@ impl MountPlan {
         self.way_s([180.0; 2])
     }
 
+    /// Distance of the sky from its star, deg.
+    pub(crate) fn sky_beside_deg(&self) -> f64 {
+        self.sky_beside_arcmin.map_or(10.0, Positive::get) / 60.0
+    }
+
+    /// Time for the way from a star to the sky beside it, s.
+    pub(crate) fn beside_s(&self) -> f64 {
+        self.way_s([self.sky_beside_deg(); 2])
+    }
+
     /// Altitude of the rising Sun's centre at which it is parked, deg.
     pub fn dawn_deg(&self) -> f64 {
         self.dawn_deg.map_or(-2.0, Within::get)
