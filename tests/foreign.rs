@@ -420,7 +420,16 @@ fn bare_client(port: u16, time: Duration, enough: u32) -> f64 {
         "<newNumberVector {device} name=\"CCD_EXPOSURE\"><oneNumber name=\"CCD_EXPOSURE_VALUE\">0.01</oneNumber></newNumberVector>\n"
     );
     let (mut heard, mut kept, mut frames) = (vec![0; 1 << 20], Vec::new(), 0);
-    // What the server says at the beginning is read before the first frame.
+    // What the server says at the beginning is read before the first frame: connected, the camera has an exposure to set.
+    let mut said = Vec::new();
+    let there = |said: &[u8]| said.windows(12).any(|part| part == b"CCD_EXPOSURE");
+    let limit = Instant::now() + Duration::from_secs(60);
+    while !there(&said) {
+        assert!(Instant::now() < limit, "the camera is not connected within a minute");
+        if let Ok(count) = line.read(&mut heard) {
+            said.extend_from_slice(&heard[..count]);
+        }
+    }
     let quiet = Instant::now() + Duration::from_secs(2);
     while Instant::now() < quiet {
         let _ = line.read(&mut heard);
@@ -545,7 +554,7 @@ fn campaign_server_restart() {
         let first = after(returned, 3)[0];
         let back_s = (first - returned).to_seconds();
         // The driver hangs: the server lives and says nothing.
-        server.signal("-STOP");
+        server.hang(true);
         let hung = utc();
         let session = || Session::open(&root).unwrap();
         let lost = || -> Vec<(hifitime::Epoch, String)> {
@@ -564,7 +573,7 @@ fn campaign_server_restart() {
             assert!(Instant::now() < limit, "a hung driver is not noticed within two minutes");
             std::thread::sleep(Duration::from_millis(100));
         }
-        server.signal("-CONT");
+        server.hang(false);
         let free = utc();
         let again_s = (after(free, 3)[0] - free).to_seconds();
         assert!(

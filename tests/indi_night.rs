@@ -59,7 +59,7 @@ transmission = 0.3
 efficiency = "qe.csv"
 "#;
 
-/// In the simulator's frames right ascension grows with the columns, declination against the rows; its telescope has no refraction and turns no image over.
+/// The frames do not correct the pointing: the camera turns its image over when the telescope changes the side of its pier, and from one start to another (`indi-bin` 1.9.9). The simulated telescope has no refraction.
 fn devices(port: u16) -> String {
     format!(
         r#"station = "station.toml"
@@ -73,8 +73,6 @@ device = "indi-wheel:127.0.0.1:{port}/Filter Simulator"
 filters = ["Red", "Green", "Blue", "H_Alpha", "SII", "OIII", "LPR", "Luminance"]
 [mount]
 device = "indi-telescope:127.0.0.1:{port}/Telescope Simulator"
-camera = "cam"
-camera_mirrored = true
 german = false
 refraction = false
 set_site = true
@@ -189,7 +187,7 @@ fn campaign_indi_night() {
                 |n: &str| elements.lines().find(|line| line.starts_with(n)).unwrap().to_owned();
             let (first, second) = (line("1 90002"), line("2 90002"));
             write("satellites.tle", &format!("SATELLITE\n{first}\n{second}\n"));
-            write("satellite.txt", &run_python(&python, SKYFIELD, &[first, second]));
+            write("satellite.txt", &run_python(&python, SKYFIELD, &[&first, &second]));
             let text = folder.done(&[
                 "passes",
                 "--tle",

@@ -234,6 +234,39 @@ fn the_guides_night_with_a_mount_runs() {
     folder.done(&["reduce", "mounted", "-q"]);
 }
 
+/// A camera that hangs upside down, which the plan does not say: by its frames the telescope would go away from each star, twice as far each time. Truth: by hand: the log says so once, with what to do; from then on the mount follows the
+/// prediction. The same plan with the right turn says nothing, and the second star is held by its frames.
+#[test]
+fn a_camera_that_hangs_otherwise_is_not_followed() {
+    let night = |angle: &str| {
+        let folder = Folder::new("mounted-turned");
+        let plan = crate::common::page_toml("night.md", "mounted-virtual.toml");
+        let turned = format!("camera = \"cam\"\ncamera_angle_deg = {angle}\n");
+        let plan = plan.replace("camera = \"cam\"\n", &turned);
+        std::fs::write(folder.path("mounted.toml"), plan).unwrap();
+        std::fs::write(folder.path("mounted-virtual.toml"), "").unwrap();
+        let said = folder.run(&["observe", "mounted.toml", "-o", "mounted", "-q"]);
+        let session = Session::open(folder.path("mounted")).unwrap();
+        let told = session.events().unwrap().filter_map(Result::ok).filter(|event| {
+            matches!(&event.what, What::Error { error, .. } if error.contains("camera_angle_deg"))
+        });
+        let lines = mount_lines(&session);
+        let states: Vec<String> = lines
+            .iter()
+            .filter(|(at, _, _)| (160.0..220.0).contains(at))
+            .map(|(_, state, _)| state.clone())
+            .collect();
+        let shown = format!("{lines:?} {}", String::from_utf8_lossy(&said.stderr));
+        (told.count(), states, shown)
+    };
+    let (told, states, shown) = night("180");
+    assert_eq!(told, 1, "{shown}");
+    assert!(!states.is_empty() && states.iter().all(|state| state == "predicted"), "{shown}");
+    let (told, states, shown) = night("0");
+    assert_eq!(told, 0, "{shown}");
+    assert!(states.iter().filter(|state| *state == "locked").count() > 30, "{shown}");
+}
+
 /// Truth: the rules in words.
 #[test]
 fn plans_with_a_mount_that_cannot_be() {

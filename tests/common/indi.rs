@@ -1,6 +1,7 @@
 //! INDI's own server and simulators (Debian package `indi-bin`), as gear that nobody here made.
 
 use std::net::{TcpListener, TcpStream};
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -58,18 +59,21 @@ impl IndiServer {
         self.await_port();
     }
 
-    /// Sends a signal to its drivers.
-    pub fn signal(&self, signal: &str) {
-        let status =
-            Command::new("pkill").args([signal, "-P", &self.child.id().to_string()]).status();
-        assert!(status.unwrap().success(), "{signal}");
+    /// Halts its drivers, or lets them go on; the server itself goes on.
+    pub fn hang(&self, halted: bool) {
+        // The drivers are of the server's group; their numbers nobody here knows.
+        let id = self.child.id();
+        let signal = if halted { "-STOP" } else { "-CONT" };
+        for (signal, whom) in [(signal, format!("-{id}")), ("-CONT", id.to_string())] {
+            assert!(Command::new("kill").args([signal, "--", &whom]).status().unwrap().success());
+        }
     }
 
     /// Sets properties as another client (`indi_setprop`), each in its form `DEVICE.PROPERTY.ELEMENT=VALUE`, as soon as they are there.
     pub fn set(&self, properties: &[&str]) {
         let port = self.port.to_string();
         let limit = Instant::now() + Duration::from_secs(30);
-        let mut done = || {
+        let done = || {
             Command::new("indi_setprop")
                 .args(["-p", &port])
                 .args(properties)
@@ -87,7 +91,7 @@ fn spawn(port: u16, drivers: &[String], home: &Path, environment: &[(String, Str
     let mut server = Command::new("indiserver");
     server.args(["-p", &port.to_string()]).args(drivers).env("HOME", home);
     server.envs(environment.iter().map(|(name, value)| (name, value)));
-    server.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+    server.process_group(0).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
 impl Drop for IndiServer {

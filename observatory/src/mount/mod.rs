@@ -57,6 +57,8 @@ const PARKS_MIN: f64 = 3.25;
 const UNTOLD: &str = "`camera_angle_pier` says on which side of the pier `camera_angle_deg` holds, and this mount does not say on which side it hangs: its frames correct nothing (of a fork: `german = false`)";
 /// A plan for a German mount lacks this.
 const NO_SIDE: &str = "this mount turns over at the meridian, and its camera is upside down after it: on which side of the pier `camera_angle_deg` holds is not said (`camera_angle_pier`, east or west; `pier` in the events of a session): its frames correct nothing";
+/// A star showed that the camera hangs otherwise than the plan says.
+const MISLED: &str = "its camera does not see the axes as `camera_angle_deg` and `camera_mirrored` say: when the mount moves, a star does not go the way that it should in the frames; they correct nothing any more, the mount follows the prediction (`sunglint goto … --solve` measures both; of a mount that turns over `camera_angle_pier`)";
 /// The program's own watchdog stopped the mount.
 const TAKEN_UP: &str = "the program stood still for more than 0.5 s, and its own watchdog stopped the mount: it is taken up again with a new watchdog";
 /// How far ahead of the Sun a telescope that stands is moved away, min.
@@ -94,6 +96,8 @@ pub struct MountWork {
     at_deg: Option<(AzimuthAltitude, f64)>,
     /// The visit in which somebody else stopped the mount.
     by_hand: Option<(Target, Epoch)>,
+    /// Whether its camera was seen to be turned or mirrored otherwise than the plan says.
+    misled: bool,
     /// Whether a parked mount may be freed: before the night's first motion, and after we parked it.
     may_unpark: bool,
     /// When a mount that stands was held against the Sun, and when it was said that the Sun is near.
@@ -139,6 +143,7 @@ impl MountWork {
             wanted: Want::Follow,
             at_deg: None,
             by_hand: None,
+            misled: false,
             may_unpark: true,
             sun_looked: None,
             sun_told: None,
@@ -424,7 +429,7 @@ impl MountWork {
         }
         (self.parked, self.stands, self.park_at, self.park_said) = (false, false, None, None);
         self.aim.set(AimState::Away);
-        let sees = job.is_seen() && self.knows_side(&abilities);
+        let sees = job.is_seen() && self.knows_side(&abilities) && !self.misled;
         let mut finder = self.sights.as_ref().filter(|_| sees).map(|sights| {
             sights.clear();
             CameraFinder(sights.clone())
@@ -449,6 +454,10 @@ impl MountWork {
         let ended = tracker.run(&cancel, &mut |step| {
             let on = self.step(job, step, axes, worker);
             self.aim.set(on);
+            if step.misled && !self.misled {
+                self.misled = true;
+                self.tell(MISLED, worker);
+            }
             for why in hand.orders.refusals() {
                 self.tell(&why, worker);
             }

@@ -48,6 +48,12 @@ impl Hold {
         self.candidate = None;
     }
 
+    /// Forgets what frames said: the star is believed to be where a person or the prediction says.
+    pub(crate) fn forget(&mut self) {
+        (self.locked, self.off, self.seen_s) = (false, self.given, None);
+        (self.candidate, self.flux) = (None, None);
+    }
+
     /// Learns from a frame: offsets of the lights from the prediction, arcsec, with their brightness.
     pub(crate) fn learn(&mut self, spots: &[([f64; 2], f64)], time_s: f64) -> Found {
         let distance = |off: &[f64; 2], from: &[f64; 2]| (off[0] - from[0]).hypot(off[1] - from[1]);

@@ -17,6 +17,7 @@ mod path;
 mod pier;
 mod plan;
 mod safety;
+mod sense;
 mod steer;
 mod tracker;
 pub mod watchdog;

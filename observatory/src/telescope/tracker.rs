@@ -6,6 +6,7 @@ use super::path::{TargetPath, angles, direction, wrapped};
 use super::pier;
 use super::plan::Keyhole;
 use super::safety::{Danger, Guard};
+use super::sense::Sense;
 use super::steer::{Order, Orders};
 use glam::{DVec2, DVec3};
 use hifitime::Epoch;
@@ -183,6 +184,8 @@ pub struct TrackStep {
     pub azimuth_deg: f64,
     /// Side of the pier, where the mount says it.
     pub pier: Option<PierSide>,
+    /// Whether the finder was seen to be turned or mirrored otherwise than it is told: its frames correct nothing any more.
+    pub misled: bool,
 }
 
 /// Reason why a tracking ended before its path did.
@@ -327,6 +330,9 @@ pub struct Tracker<'a> {
     empty: u32,
     /// Offset of a target that stands among the stars.
     hold: Option<Hold>,
+    /// Whether the finder sees the axes as it is told, as far as a star shows it.
+    sense: Sense,
+    misled: bool,
 }
 
 impl std::fmt::Debug for Tracker<'_> {
@@ -380,6 +386,8 @@ impl<'a> Tracker<'a> {
                 let coast_s = options.estimator.coast_s.max(3.0 * options.estimator.frame_s);
                 Hold::new(options.reach_arcsec, coast_s)
             }),
+            sense: Sense::default(),
+            misled: false,
         }
     }
 
@@ -921,6 +929,7 @@ impl<'a> Tracker<'a> {
             altitude_deg: enu.z.clamp(-1.0, 1.0).asin().to_degrees(),
             azimuth_deg: enu.x.atan2(enu.y).to_degrees().rem_euclid(360.0),
             pier: self.pier,
+            misled: self.misled,
         }
     }
 
@@ -1322,7 +1331,8 @@ impl<'a> Tracker<'a> {
     /// Takes the finder's frame, if there is one, and says how things stand.
     fn look(&mut self, summary: &mut TrackSummary) -> Result<TrackState, TrackError> {
         let soon = self.soon();
-        let Some(finder) = self.finder.as_mut().filter(|_| !self.options.open_loop) else {
+        let Some(finder) = self.finder.as_mut().filter(|_| !self.options.open_loop && !self.misled)
+        else {
             return Ok(TrackState::Predicted);
         };
         if let Some(mut frame) = finder.frame(&soon)? {
@@ -1405,6 +1415,12 @@ impl<'a> Tracker<'a> {
         let seen: Vec<([f64; 2], f64)> =
             spots.iter().map(|spot| (off_of(predicted, seen_at(angle, spot)), spot.flux)).collect();
         let Some(hold) = self.hold.as_mut() else { return TrackState::Predicted };
+        let lights = spots.iter().map(|spot| (spot.offset_arcsec.to_array(), spot.flux));
+        if self.sense.misleads(off_of(predicted, direction(angle)), lights) {
+            self.misled = true;
+            hold.forget();
+            return TrackState::Predicted;
+        }
         let found = hold.learn(&seen, time_s);
         let state = held(hold, now_s, self.options.estimator.frame_s);
         if found == Found::Locked && summary.locked_s.is_none() {
