@@ -80,6 +80,7 @@ pub use measurement::{Colour, FrameMeasurement, PlaneMeasurement, SigmaParts, Ta
 pub use options::{Choice, DetectionOptions, PhotometryOptions, Trail};
 pub use overlap::Aperture;
 pub use reducer::{Expected, FrameReducer};
+pub(crate) use reducer::{Desk, Measured};
 pub use scintillation::Scintillation;
 
 /// Why a frame cannot be measured, or options cannot be used.
