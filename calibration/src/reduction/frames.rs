@@ -364,12 +364,11 @@ pub fn camera_night(
             for (one, measured) in batch.into_iter().zip(measured) {
                 let Ahead { file: i, stay, refused, held, frame, row_time_s, .. } = one;
                 seen[stay] += 1;
-                let measured = frame.and_then(|frame| {
-                    match reducers.keep(held, &frame, measured) {
+                let measured =
+                    frame.and_then(|frame| match reducers.keep(held, &frame, measured) {
                         Ok(measured) => Ok((frame, measured)),
                         Err(error) => Err(error.to_string()),
-                    }
-                });
+                    });
                 let (frame, mut measured) = match measured {
                     Ok(measured) => measured,
                     Err(error) => {
