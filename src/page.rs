@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
+use sunglint_calibration::timing::read_timings;
 use sunglint_formats::ecsv;
 use sunglint_page::{Calibration, Recording, Server, Source};
 use sunglint_radiometry::light_curve::LightCurve;
@@ -29,6 +30,9 @@ pub struct PageArgs {
     /// Magnitudes by the coefficients κ of this file, which `sunglint calibrate` wrote (ECSV)
     #[arg(long, value_name = "KAPPA")]
     pub calibration: Option<PathBuf>,
+    /// When the cameras expose, as `sunglint timing` measured it: is taken off the times of the frames of a visit that is reduced again
+    #[arg(long, value_name = "FILE")]
+    pub timing: Option<PathBuf>,
     /// Print the address and open no browser
     #[arg(long)]
     pub no_open: bool,
@@ -60,7 +64,8 @@ pub fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
     let calibration = calibration(args.calibration.as_ref())?;
     let recording = Recording::open(&args.session)?
         .beside(&predicted(&args.predicted)?)
-        .calibrated(calibration.as_ref());
+        .calibrated(calibration.as_ref())
+        .timed(args.timing.as_deref().map(read_timings).transpose()?);
     let may = "sees the session and saves reductions";
     serve(address, Arc::new(recording), may, !args.no_open, console)
 }

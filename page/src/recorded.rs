@@ -14,6 +14,7 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use sunglint_calibration::timing::Timings;
 use sunglint_formats::session::{
     ClockState, CountBlock, CountIndex, DeviceKind, FrameFile, Session, Target, TargetKind, Visit,
     What,
@@ -324,6 +325,13 @@ impl Recording {
         self
     }
 
+    /// Takes what was measured of the cameras' times off those of the frames when a visit is reduced again, as `sunglint reduce --timing` does.
+    #[must_use]
+    pub fn timed(mut self, timings: Option<Timings>) -> Self {
+        self.rework.timings = timings;
+        self
+    }
+
     /// Rate of the sky in each channel of a counter: of the last visit to it before a time, or else of the first after it.
     fn sky_rate(&self, counter: &str, index: &CountIndex, utc: Epoch) -> Vec<Option<Off>> {
         let of_sky = |visit: &&(usize, &Visit)| visit.1.target.target_kind == TargetKind::Sky;
@@ -520,7 +528,7 @@ impl Recording {
         match what {
             "reduction" => self.rework.curve(&self.session, station, self.scale.as_ref(), body),
             "reduction.ecsv" => self.rework.file(&self.session, station, body),
-            _ => Rework::save(&self.session, body),
+            _ => self.rework.save(&self.session, body),
         }
     }
 

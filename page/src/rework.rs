@@ -11,6 +11,7 @@ use sunglint_calibration::reduction::frames::FrameLook;
 use sunglint_calibration::reduction::recipe::Recipe;
 use sunglint_calibration::reduction::wings::Wings;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, Reduced, Visited, reduce};
+use sunglint_calibration::timing::Timings;
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::ecsv;
 use sunglint_formats::session::Session;
@@ -26,6 +27,8 @@ const SAMPLES: usize = 50_000;
 pub(crate) struct Rework {
     wishes: AtomicU64,
     one: Mutex<()>,
+    /// When the cameras expose: is taken off the frames' times.
+    pub timings: Option<Timings>,
 }
 
 /// Recipe to be saved.
@@ -139,6 +142,9 @@ impl Rework {
         }
         let mut options = ReduceOptions::for_station(station);
         recipe.apply(&mut options);
+        if let Some(frames) = &mut options.frames {
+            frames.timings.clone_from(&self.timings);
+        }
         let mut night = reduce(session, station, &options, &wish).map_err(said)?;
         let visited = night.take(session, station).map_err(said)?;
         let nothing = || {
@@ -187,7 +193,7 @@ impl Rework {
     }
 
     /// Writes a recipe into the session's folder.
-    pub fn save(session: &Session, body: &[u8]) -> Result<Answer, Answer> {
+    pub fn save(&self, session: &Session, body: &[u8]) -> Result<Answer, Answer> {
         let Saved { name, recipe, replace } = parsed(body)?;
         recipe.check().map_err(|error| refused(&error))?;
         let path = Recipe::path(session, &name).ok_or_else(|| {
@@ -205,10 +211,13 @@ impl Rework {
             error => refused(&error),
         })?;
         let root = session.root().display();
+        let timings = self.timings.as_ref();
+        let timing =
+            timings.map_or_else(String::new, |of| format!(" --timing {}", of.path.display()));
         Ok(Answer::json(&SavedView {
             name: &name,
             file: path.display().to_string(),
-            repeat: format!("sunglint reduce {root} --recipe {name} -o {name}/"),
+            repeat: format!("sunglint reduce {root} --recipe {name}{timing} -o {name}/"),
         }))
     }
 
@@ -340,6 +349,10 @@ impl CurveView {
         // What the frames do not tell is a warning already.
         let told = wings.into_iter().flatten().filter(|wings| !wings.factors.is_empty());
         notes.extend(told.map(Wings::note));
+        if let Some(number) = number {
+            let seen = night.cameras.iter().filter(|camera| !camera.looks[number].is_empty());
+            notes.extend(seen.filter_map(|camera| camera.times[number].note(&camera.camera)));
+        }
         let tally = camera.map(|camera| camera.tally).unwrap_or_default();
         Self {
             channels,

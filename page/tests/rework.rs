@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use sunglint_calibration::reduction::{Recipe, ReduceOptions, reduce};
+use sunglint_calibration::timing::read_timings;
 use sunglint_formats::session::{
     ClockState, Device, DeviceKind, Disk, FORMAT, Manifest, Session, SessionWriter, Target,
     TargetKind, What,
@@ -285,4 +286,44 @@ fn a_target_is_followed_from_where_somebody_saw_it() {
     assert!(session.check().unwrap().is_whole(), "{:?}", session.check().unwrap().findings);
     let again = asked(&recording, "recipes", &json!({"name": "rescued", "recipe": recipe}));
     assert_eq!(again.0, 409);
+}
+
+/// Truth: by hand: a camera that exposes 0.23 s later than it says: each sample of the page's curve is that much later, and its file is that of `reduce` with the same times, byte for byte.
+#[test]
+fn measured_times_are_taken_off_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let session = session(&root);
+    let recipe = json!({"target": "Vega", "visit": 1});
+    let usual = curve(&Recording::open(&root).unwrap(), &recipe);
+    let path = folder.path().join("timing.toml");
+    let text = "format = 1\n[[camera]]\nname = \"cam\"\nclock = \"driver\"\nlatency_s = 0.23\nlatency_sigma_s = 0.002\n";
+    std::fs::write(&path, text).unwrap();
+    let timings = read_timings(&path).unwrap();
+    let recording = Recording::open(&root).unwrap().timed(Some(timings.clone()));
+    let timed = curve(&recording, &recipe);
+    let times = |curve: &Value| -> Vec<f64> {
+        let times = curve["channels"][0]["time_s"].as_array().unwrap();
+        times.iter().map(|time| time.as_f64().unwrap()).collect()
+    };
+    let (before, after) = (times(&usual), times(&timed));
+    assert_eq!((before.len(), after.len()), (1000, 1000));
+    // To a nanosecond, of which times are.
+    assert!(before.iter().zip(&after).all(|(a, b)| (b - a - 0.23).abs() < 2e-9));
+    let notes = timed["notes"].to_string();
+    assert!(notes.contains("its measured latency is taken off") && notes.contains("2.0e-3 s"));
+    let station = Station::of_session(&session).unwrap();
+    let mut options = ReduceOptions::for_station(&station);
+    (options.target, options.visit) = (Some("Vega".into()), Some(1));
+    options.frames.as_mut().unwrap().timings = Some(timings);
+    let mut night = reduce(&session, &station, &options, &Silent).unwrap();
+    let visited = night.take(&session, &station).unwrap().unwrap();
+    let text = ecsv::to_string(&visited.linear.to_table().unwrap()).unwrap();
+    let (_, on_page) = asked(&recording, "reduction.ecsv", &recipe);
+    assert!(text.as_bytes() == on_page);
+    // What repeats it names the times.
+    let (status, saved) = asked(&recording, "recipes", &json!({"name": "timed", "recipe": recipe}));
+    let saved: Value = serde_json::from_slice(&saved).unwrap();
+    let repeat = saved["repeat"].as_str().unwrap();
+    assert!(status == 200 && repeat.contains(&format!("--timing {} ", path.display())), "{saved}");
 }

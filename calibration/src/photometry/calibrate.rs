@@ -1,7 +1,7 @@
 //! Calibration of the sensor from dark frames and a flat: pixels that are wrong, and what every frame has in common.
 
 use super::PhotometryError;
-use ndarray::{Array2, ArrayView1, Zip, s};
+use ndarray::{Array2, Zip, s};
 use sunglint_formats::frame::Frame;
 
 bitflags::bitflags! {
@@ -231,30 +231,33 @@ impl Laid<'_> {
 
     /// Calibrates the values of a row's pixels from `column` on: NaN where one is masked; what is saturated (infinite) stays so.
     pub(crate) fn over_row(&self, column: usize, row: usize, values: &mut [f32]) {
-        fn part<'a, T>(
-            (array, [c, r]): &(&'a Array2<T>, [usize; 2]),
+        fn with<T>(
+            (array, [c, r]): &(&Array2<T>, [usize; 2]),
             [column, row]: [usize; 2],
-            length: usize,
-        ) -> ArrayView1<'a, T> {
-            array.row(row + r).slice_move(s![column + c..column + c + length])
-        }
-        let (at, length) = ([column, row], values.len());
-        if let Some(level) = &self.level {
-            for (value, level) in values.iter_mut().zip(part(level, at, length)) {
-                *value -= level;
+            values: &mut [f32],
+            pixel: impl Fn(&mut f32, &T),
+        ) {
+            let part = array.row(row + r).slice_move(s![column + c..column + c + values.len()]);
+            match part.to_slice() {
+                Some(part) => values.iter_mut().zip(part).for_each(|(v, of)| pixel(v, of)),
+                None => values.iter_mut().zip(part).for_each(|(v, of)| pixel(v, of)),
             }
+        }
+        let at = [column, row];
+        if let Some(level) = &self.level {
+            with(level, at, values, |value, level| *value -= level);
         }
         if let Some(flat) = &self.flat {
-            for (value, &response) in values.iter_mut().zip(part(flat, at, length)) {
+            with(flat, at, values, |value, &response| {
                 *value = if response > 0.0 { *value / response } else { f32::NAN };
-            }
+            });
         }
         if let Some(bad) = &self.bad {
-            for (value, fault) in values.iter_mut().zip(part(bad, at, length)) {
+            with(bad, at, values, |value, fault| {
                 if !fault.is_empty() {
                     *value = f32::NAN;
                 }
-            }
+            });
         }
     }
 }

@@ -131,6 +131,11 @@ impl Sought<'_> {
         (TILE as f64 + 4.0 * self.fwhm_px).max(streak).max(self.aperture_radius_px + trail)
     }
 
+    /// How far from the place a source is, px.
+    pub(crate) fn offset_px(&self, candidate: &Candidate) -> f64 {
+        distance(candidate.place_px.to_array(), self.place_px)
+    }
+
     /// How far from the place the search looks first. A source there that passes is the nearest of the whole frame, too; only where the brightest is
     /// the target must all of it be searched. One of a few steps, so that what is found hangs little on what was probable.
     fn first_px(&self) -> f64 {
@@ -187,7 +192,8 @@ impl Detector {
         let (size, origin) = (self.image.size, self.image.origin);
         let place = |i: usize| [origin[0] + (i % size[0]) as f64, origin[1] + (i / size[0]) as f64];
         let sharp = self.image.take_out_sharp(sigma_px);
-        let narrow = self.image.narrow((NARROW * sigma_px).max(0.5));
+        // Only faint sources ask for it.
+        let mut narrow = None;
         let threshold = sought.options.threshold_sigma;
         let smoothed = self.image.significance(sigma_px);
         let (found, taken) = self.regions.find(smoothed, size, threshold, 0.5 * threshold);
@@ -198,7 +204,7 @@ impl Detector {
         };
         for region in &found {
             if let Some(candidate) =
-                self.judge(reading, (region, &narrow), &detection, sought, setting, within_px)
+                self.judge(reading, (region, &mut narrow), &detection, sought, setting, within_px)
             {
                 detection.numbers.push(region.label);
                 detection.candidates.push(candidate);
@@ -212,7 +218,7 @@ impl Detector {
     fn judge(
         &mut self,
         reading: &Reading<'_>,
-        (region, narrow): (&Region, &Narrow),
+        (region, narrow): (&Region, &mut Option<Narrow>),
         detection: &Detection,
         sought: &Sought<'_>,
         setting: &Setting,
@@ -283,8 +289,10 @@ impl Detector {
     }
 
     /// The highest value of the narrowly smoothed frame near a region's summit, over the summit.
-    fn sharpness(&mut self, region: &Region, narrow: &Narrow, fwhm_px: f64) -> f64 {
+    fn sharpness(&mut self, region: &Region, narrow: &mut Option<Narrow>, fwhm_px: f64) -> f64 {
         let reach = (0.5 * fwhm_px).round() as usize;
+        let sigma_px = (NARROW * (fwhm_px / FWHM_PER_SIGMA)).max(0.5);
+        let narrow = narrow.get_or_insert_with(|| self.image.narrow(sigma_px));
         self.image.highest(narrow, region.summit, reach) / region.peak
     }
 }

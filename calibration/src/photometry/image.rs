@@ -22,6 +22,11 @@ pub(crate) struct Image {
     smoother: Smoother,
 }
 
+/// Each value of a row with the one after it.
+fn pairs(row: &[f32]) -> impl Iterator<Item = (&f32, &f32)> {
+    row.iter().zip(row.get(1..).unwrap_or_default())
+}
+
 /// Least scatter of a smoothed image, standard deviations of a pixel. White noise keeps 1, since profiles have a sum of squares of 1. Quantiles of whole numbers tell a pixel's noise to a factor of 1.6,
 /// so that less than 0.6 comes only of a sky that is constant, or cut off at 0: what rounding leaves of it is no measure.
 const LEAST_NOISE: f32 = 0.6;
@@ -44,10 +49,11 @@ impl Image {
             step *= 0.25;
             for y in 0..self.size[1] {
                 let line = |y: usize| &window.values[y * width..][..width];
-                let (upper, lower) = (line(y).windows(2), line(y + 1).windows(2));
-                let square = |(u, l): (&[f32], &[f32])| [u[0], u[1], l[0], l[1]];
-                let mean = |pixels: [f32; 4]| pixels.into_iter().map(value).sum::<f32>() / 4.0;
-                self.values.extend(upper.zip(lower).map(|pair| mean(square(pair))));
+                let squares = pairs(line(y)).zip(pairs(line(y + 1)));
+                let mean = |((a, b), (c, d)): ((&f32, &f32), (&f32, &f32))| {
+                    (value(*a) + value(*b) + value(*c) + value(*d)) / 4.0
+                };
+                self.values.extend(squares.map(mean));
             }
         }
         if self.values.is_empty() {

@@ -116,11 +116,11 @@ impl Counter {
     /// Level and scatter in bins from the lower edge of the first; `None` where a quantile falls beside them.
     fn clipped(&self, count: usize) -> Option<[f32; 2]> {
         let mut kept = 0..BINS;
-        let (mut rank, mut count) = (0.0, count as f32);
+        let mut count = count as f32;
         let mut found = None;
         for _ in 0..=CLIPPING.rounds {
-            let at = |q: f32| self.quantile(kept.clone(), rank, q * count);
-            let (median, low, high) = (at(0.5), at(0.158_655_25), at(0.841_344_8));
+            let ranks = [0.158_655_25, 0.5, 0.841_344_8].map(|q| q * count);
+            let [low, median, high] = self.quantiles(kept.clone(), ranks);
             // The first and the last bin hold what lies beyond.
             if low < 1.0 || high > (BINS - 1) as f32 {
                 return None;
@@ -135,23 +135,27 @@ impl Counter {
             if clipped == kept || left < 3 {
                 break;
             }
-            (kept, rank, count) = (clipped, 0.0, left as f32);
+            (kept, count) = (clipped, left as f32);
         }
         found
     }
 
-    /// Where the sum over the kept bins reaches a rank.
-    fn quantile(&self, kept: std::ops::Range<usize>, mut below: f32, rank: f32) -> f32 {
-        let mut last = kept.start;
-        for bin in kept {
-            let here = self.bins[bin] as f32;
-            if here > 0.0 && below + here >= rank {
-                return bin as f32 + (rank - below) / here;
+    /// Where the sum over the kept bins reaches each of some ranks, in their order.
+    fn quantiles<const N: usize>(&self, kept: std::ops::Range<usize>, ranks: [f32; N]) -> [f32; N] {
+        let (mut below, mut last) = (0.0, kept.start);
+        let mut bins = kept.clone().zip(&self.bins[kept]).peekable();
+        ranks.map(|rank| {
+            while let Some(&(bin, &here)) = bins.peek() {
+                let here = here as f32;
+                if here > 0.0 && below + here >= rank {
+                    return bin as f32 + (rank - below) / here;
+                }
+                below += here;
+                last = bin;
+                bins.next();
             }
-            below += here;
-            last = bin;
-        }
-        last as f32 + 1.0
+            last as f32 + 1.0
+        })
     }
 
     fn sorted<'a>(&mut self, rows: impl Iterator<Item = &'a [f32]>) -> Option<Level> {

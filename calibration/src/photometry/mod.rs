@@ -79,6 +79,7 @@ pub use detect::{Candidate, Detection, Detector, Rejection};
 pub use measurement::{Colour, FrameMeasurement, PlaneMeasurement, SigmaParts, Tally};
 pub use options::{Choice, DetectionOptions, PhotometryOptions, Trail};
 pub use overlap::Aperture;
+pub(crate) use reducer::{Desk, Measured};
 pub use reducer::{Expected, FrameReducer};
 pub use scintillation::Scintillation;
 

@@ -33,11 +33,26 @@ pub struct Expected {
 pub struct FrameReducer {
     options: PhotometryOptions,
     calibration: FrameCalibration,
-    detector: Detector,
-    look: Look,
+    desk: Desk,
     tally: Tally,
     /// How far from its expected place the last target was, px.
     last_offset_px: f64,
+}
+
+/// Buffers of a measurement: frames that are measured side by side need one each.
+#[derive(Debug, Default)]
+pub(crate) struct Desk {
+    detector: Detector,
+    look: Look,
+}
+
+/// A measurement of a frame, and what its reducer keeps of it.
+#[derive(Debug)]
+pub(crate) struct Measured {
+    pub measurement: FrameMeasurement,
+    tally: Tally,
+    /// How far from its expected place the target is, px; `None` without one.
+    offset_px: Option<f64>,
 }
 
 impl FrameReducer {
@@ -51,8 +66,7 @@ impl FrameReducer {
         Ok(Self {
             options,
             calibration,
-            detector: Detector::default(),
-            look: Look::default(),
+            desk: Desk::default(),
             tally: Tally::default(),
             last_offset_px: 0.0,
         })
@@ -109,42 +123,53 @@ impl FrameReducer {
         frame: &Frame,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
-        let detection = self.detect(frame, expected)?;
-        self.measure_found(frame, expected, &detection)
+        let mut desk = std::mem::take(&mut self.desk);
+        let measured = self.measured(frame, expected, &mut desk);
+        self.desk = desk;
+        Ok(self.keep(measured?))
     }
 
-    /// Measures a frame whose sources were looked for.
-    pub(crate) fn measure_found(
-        &mut self,
+    /// Measures a frame like [`measure`](Self::measure), and keeps nothing of it: for frames side by side.
+    pub(crate) fn measured(
+        &self,
         frame: &Frame,
         expected: &Expected,
-        detection: &Detection,
-    ) -> Result<FrameMeasurement, PhotometryError> {
-        self.keep_offset(frame, expected, detection);
-        self.tally.frames += 1;
-        self.count(detection);
+        desk: &mut Desk,
+    ) -> Result<Measured, PhotometryError> {
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let sought = sought(frame, &self.options, expected, self.last_offset_px);
+        let detection = desk.detector.find(&reading, &sought, &setting);
+        let mut tally = count(&detection);
         let Some(target) = detection.target.map(|t| detection.candidates[t]) else {
-            self.tally.undetected += 1;
-            let planes =
-                Plane::of(frame.bayer).map(|p| aperture::empty(p.colour, Flags::UNDETECTED));
-            return Ok(FrameMeasurement {
-                planes: planes.collect(),
-                ..without_target(frame, self.twinkling(frame, expected))
-            });
+            tally.undetected = 1;
+            let planes = self.unmeasured(frame, Flags::UNDETECTED).planes;
+            let twinkling = self.twinkling(frame, expected);
+            let measurement = FrameMeasurement { planes, ..without_target(frame, twinkling) };
+            return Ok(Measured { measurement, tally, offset_px: None });
         };
-        let trail_px = self.trail(expected, target.trail_px);
         let aperture = Aperture {
             centre_px: target.place_px,
             radius_px: self.options.aperture_radius_px,
-            trail_px,
+            trail_px: self.trail(expected, target.trail_px),
         };
         let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px.low);
-        let mut measured =
-            self.at(frame, aperture, Some((fwhm, &detection.cosmic_ray_px)), expected)?;
-        measured.candidates = detection.passed();
-        let crowded = measured.aperture.is_some_and(|aperture| detection.crowded(&aperture));
-        self.flag_crowded(&mut measured, crowded);
-        Ok(measured)
+        let searched = Some((fwhm, &detection.cosmic_ray_px[..]));
+        let of = (&reading, &setting);
+        let mut measurement = self.at(of, aperture, searched, expected, &mut desk.look, &mut tally);
+        measurement.candidates = detection.passed();
+        let crowded = measurement.aperture.is_some_and(|aperture| detection.crowded(&aperture));
+        flag_crowded(&mut measurement, &mut tally, crowded);
+        let offset_px = Some(sought.offset_px(&target));
+        Ok(Measured { measurement, tally, offset_px })
+    }
+
+    /// Keeps what a measurement says for the next one, and its tally.
+    pub(crate) fn keep(&mut self, measured: Measured) -> FrameMeasurement {
+        let Measured { measurement, tally, offset_px } = measured;
+        self.tally += tally;
+        // The next target is looked for there first.
+        self.last_offset_px = offset_px.unwrap_or(self.last_offset_px);
+        measurement
     }
 
     /// Measures around a known place, without a search and without a centroid: `place_px` is where the aperture lies. What else may lie in it is not
@@ -158,10 +183,17 @@ impl FrameReducer {
         place_px: impl Into<DVec2>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
-        self.tally.frames += 1;
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
         let trail_px = self.trail(expected, DVec2::ZERO);
         let (centre_px, radius_px) = (place_px.into(), self.options.aperture_radius_px);
-        self.at(frame, Aperture { centre_px, radius_px, trail_px }, None, expected)
+        let aperture = Aperture { centre_px, radius_px, trail_px };
+        let mut look = std::mem::take(&mut self.desk.look);
+        let mut tally = Tally { frames: 1, ..Tally::default() };
+        let of = (&reading, &setting);
+        let measured = self.at(of, aperture, None, expected, &mut look, &mut tally);
+        self.desk.look = look;
+        self.tally += tally;
+        Ok(measured)
     }
 
     /// Measures like [`measure_at`](Self::measure_at), and searches around the place: where a source whose middle is more than a point's width away from it, or a cosmic
@@ -184,18 +216,12 @@ impl FrameReducer {
         let around = Expected { place_px: Some(place_px), ..*expected };
         let sought = sought(frame, &self.options, &around, self.last_offset_px);
         let within_px = aperture.radius_px + aperture.trail_length_px() + self.options.fwhm_px;
-        let detection = self.detector.search(&reading, &sought, &setting, within_px);
+        let detection = self.desk.detector.search(&reading, &sought, &setting, within_px);
         let own =
             detection.nearest(place_px, self.options.fwhm_px + 0.5 * aperture.trail_length_px());
-        self.flag_crowded(&mut measured, detection.others_in(&aperture, own));
+        let crowded = detection.others_in(&aperture, own);
+        flag_crowded(&mut measured, &mut self.tally, crowded);
         Ok(measured)
-    }
-
-    fn flag_crowded(&mut self, measured: &mut FrameMeasurement, crowded: bool) {
-        self.tally.crowded += u64::from(crowded);
-        for plane in &mut measured.planes {
-            plane.flags.set(Flags::CROWDED, crowded);
-        }
     }
 
     /// The sources of a frame around where the target is expected, without a measurement; the tally stays as it is.
@@ -207,33 +233,13 @@ impl FrameReducer {
         frame: &Frame,
         expected: &Expected,
     ) -> Result<Detection, PhotometryError> {
-        let mut detector = std::mem::take(&mut self.detector);
-        let detection = self.sources(frame, expected, &mut detector);
-        self.detector = detector;
-        let detection = detection?;
-        self.keep_offset(frame, expected, &detection);
-        Ok(detection)
-    }
-
-    /// The sources of a frame, and nothing is kept of it: for frames side by side.
-    pub(crate) fn sources(
-        &self,
-        frame: &Frame,
-        expected: &Expected,
-        detector: &mut Detector,
-    ) -> Result<Detection, PhotometryError> {
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
         let sought = sought(frame, &self.options, expected, self.last_offset_px);
-        Ok(detector.find(&reading, &sought, &setting))
-    }
-
-    /// Keeps how far from its expected place the target is: the next one is looked for there first.
-    fn keep_offset(&mut self, frame: &Frame, expected: &Expected, detection: &Detection) {
+        let detection = self.desk.detector.find(&reading, &sought, &setting);
         if let Some(target) = detection.target.and_then(|t| detection.candidates.get(t)) {
-            let sought = sought(frame, &self.options, expected, self.last_offset_px);
-            let [dx, dy] = [0, 1].map(|i| target.place_px[i] - sought.place_px[i]);
-            self.last_offset_px = dx.hypot(dy);
+            self.last_offset_px = sought.offset_px(target);
         }
+        Ok(detection)
     }
 
     /// The trail of the aperture: none where it is shorter than half a point's width.
@@ -249,35 +255,31 @@ impl FrameReducer {
 
     /// Centroid (where the target was searched for: with its width and the cosmic rays) and planes of an aperture.
     fn at(
-        &mut self,
-        frame: &Frame,
+        &self,
+        (reading, setting): (&Reading<'_>, &Setting),
         mut aperture: Aperture,
         searched: Option<(f64, &[DVec2])>,
         expected: &Expected,
-    ) -> Result<FrameMeasurement, PhotometryError> {
-        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
-        self.look.at(&reading, &aperture, &setting);
+        look: &mut Look,
+        tally: &mut Tally,
+    ) -> FrameMeasurement {
+        let frame = reading.frame;
+        look.at(reading, &aperture, setting);
         let mut centroid = None;
         if let Some((fwhm_px, without)) = searched {
             let window_fwhm_px = self.options.fwhm_px;
-            centroid = centroid_of(
-                &mut self.look,
-                &reading,
-                &setting,
-                &aperture,
-                [window_fwhm_px, fwhm_px],
-                without,
-            );
+            let widths_px = [window_fwhm_px, fwhm_px];
+            centroid = centroid_of(look, reading, setting, &aperture, widths_px, without);
             if let Some(found) = centroid {
                 let moved = (found.place_px[0] - aperture.centre_px[0])
                     .hypot(found.place_px[1] - aperture.centre_px[1]);
                 aperture.centre_px = found.place_px;
                 if moved > 0.5 {
-                    self.look.at(&reading, &aperture, &setting);
+                    look.at(reading, &aperture, setting);
                 }
             }
         }
-        let planes = self.planes(frame, &setting, aperture, centroid);
+        let planes = self.planes(frame, setting, aperture, centroid, look, tally);
         let fwhm_px = centroid.map(|c| c.point_fwhm_px()).filter(|f| f.is_finite());
         let mut measured = FrameMeasurement {
             place_px: Some(aperture.centre_px),
@@ -288,16 +290,18 @@ impl FrameReducer {
             ..without_target(frame, self.twinkling(frame, expected))
         };
         measured.track.place = centroid.map(|c| self.on_sensor(frame, &c));
-        Ok(measured)
+        measured
     }
 
     /// The planes' rates, with their flags, counted.
     fn planes(
-        &mut self,
+        &self,
         frame: &Frame,
         setting: &Setting,
         aperture: Aperture,
         centroid: Option<Centroid>,
+        look: &Look,
+        tally: &mut Tally,
     ) -> Vec<PlaneMeasurement> {
         const FULLY_SAMPLED_FWHM_PX: f64 = 3.0;
         let size = [frame.pixels.ncols(), frame.pixels.nrows()];
@@ -313,13 +317,13 @@ impl FrameReducer {
         flags.set(Flags::TRAILED, aperture.trail_px != DVec2::ZERO);
         flags.set(Flags::EDGE, leaves(&aperture, setting.annulus_px[1], size));
         flags.set(Flags::UNDERSAMPLED, summing.fwhm_px < FULLY_SAMPLED_FWHM_PX);
-        self.tally.undersampled += u64::from(flags.contains(Flags::UNDERSAMPLED));
-        let mut planes = Vec::with_capacity(self.look.planes.len());
-        for (plane, background) in &self.look.planes {
+        tally.undersampled += u64::from(flags.contains(Flags::UNDERSAMPLED));
+        let mut planes = Vec::with_capacity(look.planes.len());
+        for (plane, background) in &look.planes {
             let mut measured =
-                aperture::measure(&self.look.window, *plane, background.as_ref(), &summing);
+                aperture::measure(&look.window, *plane, background.as_ref(), &summing);
             measured.flags |= flags;
-            count_plane(&mut self.tally, &measured, background.is_some(), summing.cut);
+            count_plane(tally, &measured, background.is_some(), summing.cut);
             planes.push(measured);
         }
         planes
@@ -344,24 +348,37 @@ impl FrameReducer {
         let scintillation = self.options.scintillation.as_ref()?;
         Some(scintillation.relative_sigma(frame.exposure_s, expected.airmass?))
     }
+}
 
-    fn count(&mut self, detection: &Detection) {
-        self.tally.cosmic_ray_pixels += detection.cosmic_ray_px.len() as u64;
-        self.tally.ambiguous += u64::from(detection.passed() > 1);
-        for candidate in &detection.candidates {
-            let counter = match candidate.rejection {
-                None => continue,
-                Some(Rejection::Area) => &mut self.tally.rejected_area,
-                Some(Rejection::Fill) => &mut self.tally.rejected_fill,
-                Some(Rejection::Aspect) => &mut self.tally.rejected_aspect,
-                Some(Rejection::Sharp) => &mut self.tally.rejected_sharp,
-                Some(Rejection::Wide) => &mut self.tally.rejected_wide,
-                Some(Rejection::Streak) => &mut self.tally.rejected_streak,
-                Some(Rejection::Edge) => &mut self.tally.rejected_edge,
-                Some(Rejection::Offset) => &mut self.tally.rejected_offset,
-            };
-            *counter += 1;
-        }
+/// The tally of a frame's sources.
+fn count(detection: &Detection) -> Tally {
+    let mut tally = Tally {
+        frames: 1,
+        cosmic_ray_pixels: detection.cosmic_ray_px.len() as u64,
+        ambiguous: u64::from(detection.passed() > 1),
+        ..Tally::default()
+    };
+    for candidate in &detection.candidates {
+        let counter = match candidate.rejection {
+            None => continue,
+            Some(Rejection::Area) => &mut tally.rejected_area,
+            Some(Rejection::Fill) => &mut tally.rejected_fill,
+            Some(Rejection::Aspect) => &mut tally.rejected_aspect,
+            Some(Rejection::Sharp) => &mut tally.rejected_sharp,
+            Some(Rejection::Wide) => &mut tally.rejected_wide,
+            Some(Rejection::Streak) => &mut tally.rejected_streak,
+            Some(Rejection::Edge) => &mut tally.rejected_edge,
+            Some(Rejection::Offset) => &mut tally.rejected_offset,
+        };
+        *counter += 1;
+    }
+    tally
+}
+
+fn flag_crowded(measured: &mut FrameMeasurement, tally: &mut Tally, crowded: bool) {
+    tally.crowded += u64::from(crowded);
+    for plane in &mut measured.planes {
+        plane.flags.set(Flags::CROWDED, crowded);
     }
 }
 

@@ -48,12 +48,14 @@ impl Smoother {
         let padded = width.next_multiple_of(LANES);
         let first = range.start.saturating_sub(reach);
         let last = (range.end + reach).min(height);
-        self.rows.resize((last - first) * padded, 0.0);
+        // As many rows of nothing before and behind as the profile reaches.
+        self.rows.clear();
+        self.rows.resize((last - first + 2 * reach) * padded, 0.0);
         self.line.clear();
         self.line.resize(padded + 2 * reach, 0.0);
         for (from, to) in image[first * width..last * width]
             .chunks_exact(width)
-            .zip(self.rows.chunks_exact_mut(padded))
+            .zip(self.rows[reach * padded..].chunks_exact_mut(padded))
         {
             self.line[reach..reach + width].copy_from_slice(from);
             let line = &self.line;
@@ -63,14 +65,11 @@ impl Smoother {
         out.reserve(range.len() * width);
         self.line.clear();
         self.line.resize(padded, 0.0);
-        let nothing = vec![0.0; padded];
         for y in range {
             let rows = &self.rows;
-            let row = |y: Option<usize>| match y {
-                Some(y) if (first..last).contains(&y) => &rows[(y - first) * padded..][..padded],
-                _ => &nothing[..],
-            };
-            sums(&mut self.line, &profile.0, |i| (row(y.checked_sub(i)), row(Some(y + i))));
+            let row = |at: usize| &rows[at * padded..];
+            let at = y - first + reach;
+            sums(&mut self.line, &profile.0, |i| (row(at - i), row(at + i)));
             out.extend_from_slice(&self.line[..width]);
         }
     }

@@ -9,8 +9,8 @@ use super::times::{TimeDoubt, Times, move_to_row};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    Colour, Detection, Detector as SourceDetector, Expected, FrameCalibration, FrameMeasurement,
-    FrameReducer, PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
+    Colour, Desk, Expected, FrameCalibration, FrameMeasurement, FrameReducer, Measured,
+    PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
 use crate::timing::Timings;
 use crate::track::Track;
@@ -32,10 +32,10 @@ use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
 
 /// Settings of a camera whose calibrations are held at a time.
 const SETTINGS: usize = 16;
-/// Frames that were read and wait to be measured at most.
-const WAITING: usize = 4;
-/// Frames in which sources are looked for side by side: a number of its own, so that results do not depend on the machine. Each expects the target as far off as before the first of them.
+/// Frames that are measured side by side: a number of its own, so that results do not depend on the machine. Each expects the target as far off as before the first of them.
 const SIDE_BY_SIDE: usize = 8;
+/// Frames that were read and wait to be measured at most: the next ones to be measured side by side.
+const WAITING: usize = SIDE_BY_SIDE;
 
 /// Results from the frames of a camera.
 #[derive(Debug)]
@@ -360,16 +360,15 @@ pub fn camera_night(
             if batch.is_empty() {
                 break;
             }
-            let sources = reducers.sources(&batch);
-            for (one, sources) in batch.into_iter().zip(sources) {
-                let Ahead { file: i, stay, expected, refused, held, frame, row_time_s } = one;
+            let measured = reducers.measured(&batch);
+            for (one, measured) in batch.into_iter().zip(measured) {
+                let Ahead { file: i, stay, refused, held, frame, row_time_s, .. } = one;
                 seen[stay] += 1;
-                let measured = frame.and_then(|frame| {
-                    match reducers.measure(held, &frame, &expected, sources) {
+                let measured =
+                    frame.and_then(|frame| match reducers.keep(held, &frame, measured) {
                         Ok(measured) => Ok((frame, measured)),
                         Err(error) => Err(error.to_string()),
-                    }
-                });
+                    });
                 let (frame, mut measured) = match measured {
                     Ok(measured) => measured,
                     Err(error) => {
@@ -656,8 +655,8 @@ struct Reducers<'a> {
     held: Vec<Held>,
     /// Frames so far.
     frames: u64,
-    /// Detectors that nobody uses at the moment.
-    detectors: Mutex<Vec<SourceDetector>>,
+    /// Buffers that nobody uses at the moment.
+    desks: Mutex<Vec<Desk>>,
     /// All settings so far.
     settings: Vec<Taken>,
     tally: Tally,
@@ -701,7 +700,7 @@ impl<'a> Reducers<'a> {
             camera,
             held: Vec::new(),
             frames: 0,
-            detectors: Mutex::default(),
+            desks: Mutex::default(),
             settings: Vec::new(),
             tally: Tally::default(),
             bad_pixels: 0,
@@ -776,31 +775,34 @@ impl<'a> Reducers<'a> {
         Ok(place)
     }
 
-    /// Looks for the sources of frames, side by side; none of what is not measured.
-    fn sources(&self, batch: &[Ahead]) -> Vec<Option<Result<Detection, PhotometryError>>> {
+    /// Measures frames, side by side; `None` for what is not measured.
+    fn measured(&self, batch: &[Ahead]) -> Vec<Option<Result<Measured, PhotometryError>>> {
         let of = |one: &Ahead| {
             let frame = one.frame.as_ref().ok().filter(|_| !one.refused)?;
-            let spare = || self.detectors.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut detector = spare().pop().unwrap_or_default();
-            let found = self.held[one.held].reducer.sources(frame, &one.expected, &mut detector);
-            spare().push(detector);
+            let spare = || self.desks.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut desk = spare().pop().unwrap_or_default();
+            let found = self.held[one.held].reducer.measured(frame, &one.expected, &mut desk);
+            spare().push(desk);
             Some(found)
         };
-        batch.par_iter().map(of).collect()
+        match batch {
+            // Handed to no other thread.
+            [one] => vec![of(one)],
+            batch => batch.par_iter().map(of).collect(),
+        }
     }
 
-    /// Measures a frame by its sources; without any it is not measured.
-    fn measure(
+    /// Keeps a measurement in its reducer's tally; without one the frame has no rate.
+    fn keep(
         &mut self,
         held: usize,
         frame: &Frame,
-        expected: &Expected,
-        sources: Option<Result<Detection, PhotometryError>>,
+        measured: Option<Result<Measured, PhotometryError>>,
     ) -> Result<FrameMeasurement, PhotometryError> {
         let reducer = &mut self.held[held].reducer;
-        match sources {
+        match measured {
             None => Ok(reducer.unmeasured(frame, Flags::GAP)),
-            Some(sources) => reducer.measure_found(frame, expected, &sources?),
+            Some(measured) => Ok(reducer.keep(measured?)),
         }
     }
 
