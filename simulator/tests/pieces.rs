@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use std::num::NonZeroUsize;
-use sunglint_simulator::pass::{Alike, Extras, Overrides, Pass, PassError, PassFile, Simulation, Totals};
+use sunglint_simulator::pass::{
+    Alike, Extras, Overrides, Pass, PassError, PassFile, Simulation, Totals,
+};
 
 fn pass(target: &str, times: &str) -> Pass {
     pass_of(&format!("[target]\nbuilt_in = \"{target}\"\n"), times)
