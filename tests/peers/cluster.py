@@ -32,6 +32,7 @@ to = 2008-09-22T05:00:00Z
 step_s = 1.0
 """
 OBJECTS = 11200
+MOST_KILLS = 12
 WHAT = "a pass: a diffuse sphere on an orbit like the ISS's, looked for in 13 hours, a sample a second, six channels through the air"
 
 
@@ -109,7 +110,8 @@ class Waits(threading.Thread):
 
 
 class Kills(threading.Thread):
-    """Kills a random worker (SIGKILL) again and again: the first soon, the others after longer than a shard takes. Whoever kills faster stops any program.
+    """Kills a random worker (SIGKILL) twelve times at most: the first soon, the others after longer than a shard takes. Whoever kills faster, or for ever on a machine
+    where a shard takes long, stops any program.
 
     Parameters
     ----------
@@ -122,7 +124,7 @@ class Kills(threading.Thread):
         self.pids, self.ended, self.count = pids, threading.Event(), 0
 
     def run(self):
-        while not self.ended.wait(random.uniform(3, 6) if self.count else 0.1):
+        while self.count < MOST_KILLS and not self.ended.wait(random.uniform(3, 6) if self.count else 0.1):
             alive = list(self.pids())
             if alive:
                 # It has work under way.
