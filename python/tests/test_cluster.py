@@ -2,15 +2,22 @@
 
 import json
 import os
+import pathlib
+import shutil
 import signal
+import subprocess
+import sys
 import threading
-import time
 
 import pytest
 
 import sunglint as sg
 
 dask = pytest.importorskip("dask.distributed")
+
+PEERS = pathlib.Path(__file__).parent.parent.parent / "tests" / "peers"
+sys.path.insert(0, str(PEERS))
+import cluster
 
 
 def files_of(folder):
@@ -84,3 +91,57 @@ def test_a_worker_that_cannot_is_told(study, tmp_path):
         with pytest.raises(sg.Error, match="40 of 40 shards are missing after 2 rounds.*sees no such folder"):
             sg.study(study, tmp_path / "out", client=client, parts=4)
     assert not list((tmp_path / "out" / "summary").iterdir())
+
+
+def test_what_is_missing_or_there_twice_is_seen(tmp_path):
+    """The campaigns' own check (tests/peers/cluster.py) on twelve objects, whose shards are then lost, given twice, and cut."""
+    made = sg.study(cluster.inputs(tmp_path, 12), tmp_path / "out")
+    assert made.report["missing"] == 0
+    many = cluster.passes(tmp_path / "out", 12)
+    assert 0 < many == sum(made.summary()["status"] == "done")
+    with pytest.raises(AssertionError, match="tasks are missing"):
+        cluster.passes(tmp_path / "out", 13)
+    summary, samples = (sorted((tmp_path / "out" / table).iterdir()) for table in ("summary", "samples"))
+    full = max(range(len(samples)), key=lambda k: samples[k].stat().st_size)
+    for file, table in ((summary[full], "summary"), (samples[full], "samples")):
+        again = tmp_path / "out" / table / "again.parquet"
+        shutil.copy(file, again)
+        with pytest.raises(AssertionError, match="twice|too many"):
+            cluster.passes(tmp_path / "out", 12)
+        again.unlink()
+    samples[full].unlink()
+    with pytest.raises(AssertionError, match="samples are missing"):
+        cluster.passes(tmp_path / "out", 12)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no cores to choose")
+def test_waiting_is_told_from_working():
+    """Two processes on one core, each with half a second of work. Truth: their own clocks of CPU time (5 %), and that one waits while the other works: half a second or more
+    for both (less a fifth: the second begins later)."""
+    code = "import time; input()\nwhile time.process_time() < 0.5: pass\nprint(time.process_time(), flush=True); input()"
+    core = {min(os.sched_getaffinity(0))}
+    children = [
+        subprocess.Popen([sys.executable, "-S", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: os.sched_setaffinity(0, core))
+        for _ in range(2)
+    ]
+    try:
+        with cluster.Waits(lambda: [c.pid for c in children]) as waits:
+            for child in children:
+                child.stdin.write("\n")
+                child.stdin.flush()
+            own = sum(float(c.stdout.readline()) for c in children)
+    finally:
+        for child in children:
+            child.kill()
+            child.communicate()
+    # What they took before the first look, to start, is theirs and not seen: less than a fifth.
+    assert 0.8 * own < waits.cpu_s < 1.05 * own and waits.waited_s > 0.4, (own, waits.cpu_s, waits.waited_s)
+
+
+@pytest.mark.skipif(not shutil.which("slurmctld") or os.geteuid() != 0, reason="needs Slurm and root")
+def test_slurm_of_one_machine_makes_the_same_bytes():
+    """tests/peers/slurm_study with few objects: a real slurmctld and slurmd, tasks killed; it fails where bytes, passes or kills are not as they should. No efficiency."""
+    program = shutil.which(os.environ.get("SUNGLINT", "sunglint"))
+    done = subprocess.run([PEERS / "slurm_study", "200", "2", "0"], capture_output=True, text=True, env={**os.environ, "SUNGLINT": program}, timeout=500)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert '"same_bytes": true' in done.stdout

@@ -887,6 +887,17 @@ def test_curves_and_bodies_travel(tmp_path):
 def test_importing_takes_nothing_but_numpy():
     code = "import sys, sunglint; print([m for m in ('pandas', 'astropy', 'matplotlib') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+    # Nothing else than numpy and what Python has: how long it takes is numpy's affair (python/clean measures it).
+    code = "import sys, __future__, numpy, dataclasses, json, tempfile; there = set(sys.modules); import sunglint; print(sorted(set(sys.modules) - there))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "['sunglint', 'sunglint._core']\n"
+
+
+def test_what_python_costs_can_be_measured():
+    """python/overhead with few geometries: that it runs, and says each number for each body. The numbers are not asserted: they are the machine's."""
+    done = subprocess.run([sys.executable, ROOT / "python" / "overhead", "400", "2"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for wanted in ("a call with one geometry", "light of", "an engine in a ThreadPoolExecutor"):
+        assert done.stdout.count(wanted) == 4, done.stdout
 
 
 def test_the_guides_examples_run(tmp_path, scene):

@@ -1,18 +1,32 @@
-//! A pass in pieces against the same pass at once.
+//! A pass in pieces, and one of many of the same scene, against the same pass at once and alone.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use std::num::NonZeroUsize;
-use sunglint_simulator::pass::{Extras, Overrides, Pass, PassError, PassFile, Simulation, Totals};
+use sunglint_simulator::pass::{
+    Alike, Extras, Overrides, Pass, PassError, PassFile, Simulation, Totals,
+};
 
 fn pass(target: &str, times: &str) -> Pass {
     pass_of(&format!("[target]\nbuilt_in = \"{target}\"\n"), times)
 }
 
 fn pass_of(target: &str, times: &str) -> Pass {
+    scene(target, "247.4627", times)
+}
+
+/// A pass whose orbit has another node, degrees.
+fn pass_with(target: &str, node: &str, times: &str) -> Pass {
+    scene(&format!("[target]\nbuilt_in = \"{target}\"\n"), node, times)
+}
+
+fn scene(target: &str, node: &str, times: &str) -> Pass {
+    let line = format!("2 25544  51.6416 {node} 0006703 130.5360 325.0288 15.7212539156353");
+    let digit = |c: char| c.to_digit(10).unwrap_or(u32::from(c == '-'));
+    let line = format!("{line}{}", line.chars().map(digit).sum::<u32>() % 10);
     let text = format!(
         "{target}[orbit]\nlines = [\n\
          \"1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\",\n\
-         \"2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\"]\n\
+         \"{line}\"]\n\
          [station]\nname = \"ufo\"\n[times]\n{times}\n\
          [attitude]\nlaw = \"spin\"\naxis_body = [0, 0, 1]\naxis_gcrs = [0.3, 0.5, 0.8]\nperiod_s = 60.0\nepoch_utc = 2008-09-21T18:46:00Z\n"
     );
@@ -95,6 +109,31 @@ fn pieces_are_the_pass_to_the_bit() {
                 .unwrap();
             assert_eq!(found, known, "{target} {epochs}");
             assert_eq!(bounds, whole.bounds, "{target} {epochs}");
+        }
+    }
+}
+
+/// Truth: each pass simulated on its own, to the bit. Passes with and without the Earth's light and its shadow, so that not all have the same terms, in two orders.
+#[test]
+fn passes_of_one_scene_are_the_passes_alone() {
+    let spans = [
+        "from = 2008-09-21T18:49:00Z\nto = 2008-09-21T18:49:12Z\nstep_s = 2",
+        "from = 2008-09-21T18:48:00Z\nto = 2008-09-21T18:52:00Z\nstep_s = 20",
+        "from = 2008-09-21T18:46:00Z\nto = 2008-09-21T18:47:00Z\nstep_s = 20",
+    ];
+    for target in ["box_wing", "lambert_sphere"] {
+        let mut passes = spans.map(|times| pass(target, times)).to_vec();
+        let other = pass_with(target, "260.1000", spans[1]);
+        passes.push(Pass { orbit: other.orbit.clone(), ..passes[1].clone() });
+        for _ in 0..2 {
+            let alike = Alike::new(passes[0].clone());
+            for pass in &passes {
+                let (orbit, times) = (pass.orbit.clone(), pass.times.clone());
+                let found = alike.simulate(orbit, times, pass.exposure_s.clone(), &|_| (), rows);
+                let alone = pass.simulate(&|_| ()).unwrap();
+                assert_eq!(found.unwrap(), rows(&alone), "{target} {}", pass.times[0]);
+            }
+            passes.reverse();
         }
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use sunglint_formats::FileError;
 use sunglint_formats::atomic::{Overwrite, write_file};
@@ -159,8 +160,9 @@ pub fn run(
         1 => 1,
         _ => (threads * TASKS_A_THREAD).div_ceil(study.tasks_a_shard),
     };
+    let last = LastScene::default();
     for group in missing.chunks(together) {
-        group.par_iter().try_for_each(|shard| make(study, folder, *shard, progress))?;
+        group.par_iter().try_for_each(|shard| make(study, folder, *shard, &last, progress))?;
     }
     let report = report(study, folder, part, progress)?;
     let manifest = match report.missing {
@@ -291,10 +293,29 @@ fn done(study: &Study, folder: &Path, shard: usize) -> Option<(u64, Vec<(String,
     Some((failed, files))
 }
 
+/// A point's scene that the next shard may have, too: with a catalogue all shards have the same. It keeps the integrals that its passes share.
+#[derive(Default)]
+struct LastScene(Mutex<Option<(usize, SharedScene)>>);
+
+type SharedScene = Arc<Result<Scene, String>>;
+
+impl LastScene {
+    /// The scene of a point, unless another was the last.
+    fn find(&self, point: usize) -> Option<SharedScene> {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        last.as_ref().filter(|(of, _)| *of == point).map(|(_, scene)| scene.clone())
+    }
+
+    fn keep(&self, point: usize, scene: &SharedScene) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((point, scene.clone()));
+    }
+}
+
 fn make(
     study: &Study,
     folder: &Path,
     shard: usize,
+    last: &LastScene,
     progress: &dyn Progress,
 ) -> Result<(), StudyError> {
     let tasks = study.shard(shard);
@@ -305,9 +326,14 @@ fn make(
         .into_par_iter()
         .map(|point| match progress.is_cancelled() {
             true => Err(Cancelled),
-            false => Ok(caught(|| Scene::new(study, point)).unwrap_or_else(Err)),
+            false => Ok(last.find(point).unwrap_or_else(|| {
+                Arc::new(caught(|| Scene::new(study, point)).unwrap_or_else(Err))
+            })),
         })
-        .collect::<Result<Vec<Result<Scene, String>>, Cancelled>>()?;
+        .collect::<Result<Vec<SharedScene>, Cancelled>>()?;
+    if let Some(scene) = scenes.last() {
+        last.keep(first + points - 1, scene);
+    }
     let outcomes = tasks
         .into_par_iter()
         .map(|task| {

@@ -7,14 +7,14 @@ use hifitime::Epoch;
 use std::ops::Range;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::Search;
-use sunglint_simulator::pass::{BANDS, Pass, Simulation};
+use sunglint_simulator::pass::{Alike, BANDS, Simulation};
 
 /// Samples of a task at most: more are a slip of the step.
 pub const MOST_SAMPLES: usize = 1_000_000;
 
 /// A point's scene, and where its passes are looked for: shared by its tasks.
 pub struct Scene {
-    pass: Pass,
+    alike: Alike,
     search: Option<Search>,
 }
 
@@ -42,7 +42,7 @@ impl Scene {
                 Some(search.map_err(|e| e.to_string())?)
             }
         };
-        Ok(Self { pass, search })
+        Ok(Self { alike: Alike::new(pass), search })
     }
 }
 
@@ -138,32 +138,40 @@ pub fn failed(study: &Study, task: usize, why: String) -> Outcome {
 
 fn simulated(study: &Study, task: usize, scene: &Scene) -> Result<Outcome, String> {
     let (_, object) = study.task(task);
-    let mut pass = scene.pass.clone();
-    let mut spans: Vec<Range<usize>> = Vec::new();
-    if let (Some(passes), Some(search)) = (&study.passes, &scene.search) {
-        let orbit = TleOrbit::new(passes.objects[object].clone()).map_err(|e| e.to_string())?;
-        pass.orbit = Orbit::from(orbit);
-        let (times, parts) = visible(passes, search, &pass.orbit)?;
-        if times.is_empty() {
-            let row = without_samples(study, task, "no pass", None);
-            return Ok(Outcome { summary: vec![row], ..Outcome::default() });
-        }
-        pass.exposure_s = vec![passes.exposure_s; times.len()];
-        pass.times = times;
-        spans = parts;
+    let progress = |_| ();
+    let (Some(passes), Some(search)) = (&study.passes, &scene.search) else {
+        let simulation = scene.alike.pass().simulate(&progress).map_err(|e| e.to_string())?;
+        let all = 0..simulation.places.len();
+        return Ok(outcome(study, task, &simulation, vec![all]));
+    };
+    let orbit = TleOrbit::new(passes.objects[object].clone()).map_err(|e| e.to_string())?;
+    let orbit = Orbit::from(orbit);
+    let (times, spans) = visible(passes, search, &orbit)?;
+    if times.is_empty() {
+        let row = without_samples(study, task, "no pass", None);
+        return Ok(Outcome { summary: vec![row], ..Outcome::default() });
     }
-    let simulation = pass.simulate(&|_| ()).map_err(|e| e.to_string())?;
-    if spans.is_empty() {
-        spans.push(0..simulation.places.len());
-    }
+    let exposure_s = vec![passes.exposure_s; times.len()];
+    (scene.alike)
+        .simulate(orbit, times, exposure_s, &progress, |s| outcome(study, task, s, spans))
+        .map_err(|e| e.to_string())
+}
+
+/// The rows of a simulation, of which each span is a pass.
+fn outcome(
+    study: &Study,
+    task: usize,
+    simulation: &Simulation<'_>,
+    spans: Vec<Range<usize>>,
+) -> Outcome {
     let mut outcome = Outcome::default();
     for (number, span) in spans.into_iter().enumerate() {
-        outcome.summary.push(summarised(study, task, number, &simulation, span.clone()));
+        outcome.summary.push(summarised(study, task, number, simulation, span.clone()));
         if study.keeps_samples {
-            outcome.samples.extend(span.map(|i| sample(task, number, &simulation, i)));
+            outcome.samples.extend(span.map(|i| sample(task, number, simulation, i)));
         }
     }
-    Ok(outcome)
+    outcome
 }
 
 /// Moments at which an object can be seen, and which of them belong to which pass.

@@ -28,6 +28,7 @@
 //! The integrals are taken on the union of all tables, once, exactly for piecewise-linear tables; over the zenith angle K_ck/K_ck(no
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
+mod alike;
 mod along;
 mod concerns;
 mod correction;
@@ -53,6 +54,7 @@ mod simulate;
 mod study;
 mod totals;
 
+pub use alike::Alike;
 pub use correction::{Correction, LightFactor, airmass};
 pub use cost::{Cost, Stopwatch};
 pub use elsewhere::{Elsewhere, TwoWay};

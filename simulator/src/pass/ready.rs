@@ -1,5 +1,6 @@
 //! A pass whose integrals are taken, for single samples: of any orbit, at any moment.
 
+use super::alike::Kept;
 use super::counts::Light;
 use super::functionals::Functionals;
 use super::simulate::Place;
@@ -7,6 +8,7 @@ use super::{BANDS, Pass, PassError};
 use crate::light::engine::Worker;
 use crate::light::{Course, DirectionError, Engine, Options, SceneReport, Source};
 use hifitime::Epoch;
+use std::sync::Arc;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::sky::{SkyError, SkyFrames};
@@ -17,7 +19,7 @@ use sunglint_radiometry::station::Predicted;
 pub struct Ready<'a> {
     pub(super) pass: &'a Pass,
     pub(super) engine: Engine,
-    pub(super) functionals: Functionals,
+    pub(super) functionals: Arc<Functionals>,
 }
 
 /// Room to evaluate in: one for each thread.
@@ -53,8 +55,21 @@ impl Pass {
 
     /// The same for what is known of the way.
     pub(super) fn ready_for(&self, course: &Course) -> Result<Ready<'_>, PassError> {
+        self.ready_with(course, None)
+    }
+
+    /// The same with integrals that passes of the same scene keep.
+    pub(super) fn ready_with(
+        &self,
+        course: &Course,
+        kept: Option<&Kept>,
+    ) -> Result<Ready<'_>, PassError> {
         let engine = self.engine(course)?;
-        let functionals = Functionals::new(self, engine.terms(), engine.lit_terms())?;
+        let (terms, lit) = (engine.terms(), engine.lit_terms());
+        let functionals = match kept {
+            Some(kept) => kept.functionals(self, terms, lit)?,
+            None => Arc::new(Functionals::new(self, terms, lit)?),
+        };
         Ok(Ready { pass: self, engine, functionals })
     }
 

@@ -1,5 +1,6 @@
 //! The way through a pass: places, light, counts.
 
+use super::alike::Kept;
 use super::along::{Along, Sketch};
 use super::counts::{Counts, Light};
 use super::functionals::Functionals;
@@ -186,7 +187,7 @@ impl Pass {
         &self,
         progress: &(dyn Fn(Progress) + Sync),
     ) -> Result<Simulation<'_>, PassError> {
-        self.simulated(progress, true)
+        self.simulated(progress, true, None)
     }
 
     /// The same where nothing is asked about exposures: [`Simulation::smear`] is 0.
@@ -194,13 +195,14 @@ impl Pass {
         &self,
         progress: &(dyn Fn(Progress) + Sync),
     ) -> Result<Simulation<'_>, PassError> {
-        self.simulated(progress, false)
+        self.simulated(progress, false, None)
     }
 
-    fn simulated(
+    pub(super) fn simulated(
         &self,
         progress: &(dyn Fn(Progress) + Sync),
         exposures: bool,
+        kept: Option<&Kept>,
     ) -> Result<Simulation<'_>, PassError> {
         self.check()?;
         let of = self.times.len();
@@ -217,7 +219,7 @@ impl Pass {
         let mut places = self.places(&|| tick(Stage::Places))?;
 
         begin(Stage::Tables);
-        let ready = self.ready_for(&self.course(&places))?;
+        let ready = self.ready_with(&self.course(&places), kept)?;
         let functionals = &ready.functionals;
         places.par_iter_mut().try_for_each(|place| self.refract(place, functionals))?;
 
