@@ -136,12 +136,3 @@ def test_waiting_is_told_from_working():
             child.communicate()
     # What they took before the first look, to start, is theirs and not seen: less than a fifth.
     assert 0.8 * own < waits.cpu_s < 1.05 * own and waits.waited_s > 0.4, (own, waits.cpu_s, waits.waited_s)
-
-
-@pytest.mark.skipif(not shutil.which("slurmctld") or os.geteuid() != 0, reason="needs Slurm and root")
-def test_slurm_of_one_machine_makes_the_same_bytes():
-    """tests/peers/slurm_study with few objects: a real slurmctld and slurmd, tasks killed; it fails where bytes, passes or kills are not as they should. No efficiency."""
-    program = shutil.which(os.environ.get("SUNGLINT", "sunglint"))
-    done = subprocess.run([PEERS / "slurm_study", "200", "2", "0"], capture_output=True, text=True, env={**os.environ, "SUNGLINT": program}, timeout=500)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert '"same_bytes": true' in done.stdout
