@@ -96,7 +96,7 @@ t0 { w = (now - t0) / ($1 - t0); star("SAT", a0 + w * ($2 - a0), d0 + w * ($3 - 
 ' "$GSC_FOLDER/stars.csv" "$GSC_FOLDER/satellite.txt"
 "#;
 /// Magnitude that the satellite is drawn with.
-const SATELLITE_MAG: f64 = 7.0;
+const SATELLITE_MAG: f64 = 5.5;
 
 /// Places of a satellite, astrometric, five each second for 20 minutes, by Skyfield.
 const SKYFIELD: &str = r#"
@@ -178,7 +178,8 @@ fn campaign_indi_night() {
             server.set(&[&format!("{device} Simulator.CONNECTION.CONNECT=On")]);
         }
         server.set(&["CCD Simulator.SCOPE_INFO.FOCAL_LENGTH;APERTURE=500;100"]);
-        server.set(&["CCD Simulator.SIMULATOR_SETTINGS.SIM_SKYGLOW=11"]);
+        // From the magnitude that saturates to the faintest one the light falls by its largest value, 65,000: by a hundred in five magnitudes where 12.032 lie between.
+        server.set(&["CCD Simulator.SIMULATOR_SETTINGS.SIM_SKYGLOW;SIM_SATURATION;SIM_LIMITINGMAG=11;1;13.032"]);
 
         write("devices.toml", &devices(server.port));
         if let Some(python) = python {
@@ -276,10 +277,10 @@ fn rates(reduced: &Value, whole: bool) {
             stars.find(target).ok().and_then(|star| star.v_mag).unwrap_or(SATELLITE_MAG);
         for channel in visit["channels"].as_array().unwrap() {
             let Some(rate) = channel["median_rate_hz"].as_f64() else { continue };
-            let clean = channel["clean"].as_u64().unwrap();
+            let samples = channel["with_rate"].as_u64().unwrap();
             let name = channel["name"].as_str().unwrap().to_owned();
-            eprintln!("{target} {name}: {rate:.0} ADU/s, {clean} clean");
-            if clean >= 3 {
+            eprintln!("{target} {name}: {rate:.0} ADU/s, {samples} samples");
+            if samples >= 3 {
                 of_zero.push((target.to_owned(), name, rate * 10_f64.powf(0.4 * magnitude)));
             }
         }
