@@ -48,12 +48,19 @@ impl Alike {
     }
 }
 
+/// The integrals for some terms, of which the first so many are lit.
+struct Made {
+    terms: Vec<Term>,
+    lit: usize,
+    functionals: Arc<Functionals>,
+}
+
 /// The integrals of one scene by the terms of its light.
 #[derive(Default)]
-pub(super) struct Kept(Mutex<Vec<(Vec<Term>, usize, Arc<Functionals>)>>);
+pub(super) struct Kept(Mutex<Vec<Made>>);
 
 impl Kept {
-    fn all(&self) -> MutexGuard<'_, Vec<(Vec<Term>, usize, Arc<Functionals>)>> {
+    fn all(&self) -> MutexGuard<'_, Vec<Made>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -64,19 +71,21 @@ impl Kept {
         terms: &[Term],
         lit: usize,
     ) -> Result<Arc<Functionals>, PassError> {
-        let is_same = |(others, n, _): &&(Vec<Term>, usize, _)| {
-            *n == lit && others.len() == terms.len() && others.iter().zip(terms).all(same)
+        let is_same = |made: &&Made| {
+            made.lit == lit
+                && made.terms.len() == terms.len()
+                && made.terms.iter().zip(terms).all(same)
         };
-        if let Some((_, _, there)) = self.all().iter().find(is_same) {
-            return Ok(there.clone());
+        if let Some(made) = self.all().iter().find(is_same) {
+            return Ok(made.functionals.clone());
         }
-        let made = Arc::new(Functionals::new(pass, terms, lit)?);
+        let functionals = Arc::new(Functionals::new(pass, terms, lit)?);
         let mut all = self.all();
         if all.len() >= MOST_KEPT {
             all.remove(0);
         }
-        all.push((terms.to_vec(), lit, made.clone()));
-        Ok(made)
+        all.push(Made { terms: terms.to_vec(), lit, functionals: functionals.clone() });
+        Ok(functionals)
     }
 }
 
