@@ -128,8 +128,8 @@ frames = 5
 filters = ["Red", "Green"]
 "#;
 
-/// As a campaign the night that `passes` plans, of three stars in three filters, their sky, a satellite's pass, flats, bias and dark frames, begun a minute before its bias frames; in the suite [`SHORT`]. Truth, all by others: the catalogue's magnitudes that INDI's
-/// camera draws (two stars' rates differ as their magnitudes, a satellite of magnitude 7 as bright as one all along its pass by Skyfield's places; 3 %, of which its noise makes less than 1), rates that are the same behind each filter, as the camera sees none (2 %), the level of flats (3 %), and the kinds and filters that stand
+/// The night that `passes` plans, as a campaign: three stars in three filters, their sky, a satellite's pass, flats, bias and dark frames, begun a minute before its bias frames; in the suite [`SHORT`]. Truth, all by others: the catalogue's magnitudes that INDI's
+/// camera draws (two stars' rates differ as their magnitudes, a satellite of magnitude 5.5 as bright as one all along its pass by Skyfield's places; 3 %, of which its noise makes less than 1), rates that are the same behind each filter, as the camera sees none (2 %), the level of flats (3 %), and the kinds and filters that stand
 /// in the driver's own headers.
 #[test]
 fn campaign_indi_night() {

@@ -17,7 +17,7 @@ pub struct IndiServer {
     drivers: Vec<String>,
     /// The drivers keep their settings in the user's home: here it is nobody's.
     home: tempfile::TempDir,
-    /// What else the server's environment has.
+    /// More variables of the server's environment.
     environment: Vec<(String, String)>,
 }
 
