@@ -19,7 +19,7 @@ use sunglint_drivers::simulated::{Steady, indi, serve, tmcl};
 use sunglint_drivers::transport::serial::Serial;
 use sunglint_drivers::transport::tcp::Tcp;
 
-/// How long a served device waits for its host: a test that needs it ends long before, on any machine.
+/// Longest time for which a served device waits for its host: a test that needs it ends long before, on any machine.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 fn fixtures(folder: &str) -> Vec<PathBuf> {

@@ -131,7 +131,7 @@ impl Sought<'_> {
         (TILE as f64 + 4.0 * self.fwhm_px).max(streak).max(self.aperture_radius_px + trail)
     }
 
-    /// How far from the place a source is, px.
+    /// Distance of a source from the place, px.
     pub(crate) fn offset_px(&self, candidate: &Candidate) -> f64 {
         distance(candidate.place_px.to_array(), self.place_px)
     }

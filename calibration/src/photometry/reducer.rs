@@ -51,7 +51,7 @@ pub(crate) struct Desk {
 pub(crate) struct Measured {
     pub measurement: FrameMeasurement,
     tally: Tally,
-    /// How far from its expected place the target is, px; `None` without one.
+    /// Distance of the target from its expected place, px; `None` without one.
     offset_px: Option<f64>,
 }
 

@@ -15,7 +15,7 @@ const FITS: f64 = 0.5;
 /// Ways that went wrong, more than went right, after which the camera is not believed.
 const WRONG: u32 = 3;
 
-/// What was seen once.
+/// One look at a light.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
     /// Offset of the mount from the star's prediction along the growing axes, arcsec.
