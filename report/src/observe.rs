@@ -104,7 +104,7 @@ pub fn summary_text(summary: &Summary) -> String {
     let taken: Vec<String> = taken.collect();
     let mut text = format!("{}: {}", summary.root.display(), taken.join(", "));
     for (name, refused) in summary.refused.iter().filter(|(_, refused)| **refused > 0) {
-        let _ = write!(text, "; {refused} frames of {name} refused: another program uses it");
+        let _ = write!(text, "; {refused} frames of {name} refused (events.jsonl says why)");
     }
     text
 }

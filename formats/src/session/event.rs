@@ -105,7 +105,7 @@ pub enum What {
         /// Error that the device reported.
         error: String,
     },
-    /// Frames of a camera were refused, because they are not what was asked for: another program uses it.
+    /// Frames of a camera were refused: another program uses it, or its wheel or rotator moved meanwhile; `error` says which.
     FramesRefused {
         /// Name of the device in this session.
         device: String,
