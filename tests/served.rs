@@ -141,7 +141,7 @@ fn a_port_serves_one_host_after_the_other() {
     first.read_exact(&mut answer).unwrap();
     let mut second = TcpStream::connect(&at).unwrap();
     second.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
-    assert_eq!(second.read(&mut answer).unwrap_or(0), 0, "closed at once");
+    assert_eq!(second.read(&mut answer).unwrap_or(0), 0, "closed after a moment");
     drop(first);
     let read = folder.json(&["devices", "read", &format!("ophir:tcp:{at}"), "--json"]);
     assert_eq!(read["readings"][0]["power_w"], 2e-6);

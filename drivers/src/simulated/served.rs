@@ -1,7 +1,7 @@
 //! A simulated device on a real port, for programs that are not ours: a pty with a name, or a TCP port.
 //!
 //! The device is the one that `sim-…` addresses open in memory, and it keeps its state from one host to the next. One host is served at a
-//! time; another one that knocks at the port meanwhile is sent away.
+//! time; another one that knocks at the port meanwhile is sent away, unless the first one goes within a moment.
 //!
 //! A pty has no modem lines and no speed: a host that lifts RTS gets `ENOTTY`, and a wrong baud rate goes unnoticed.
 
@@ -12,15 +12,21 @@ use crate::device::DeviceError;
 use crate::transport::TransportError;
 use crate::transport::serial::Serial;
 use crate::transport::tcp::Tcp;
+use std::collections::VecDeque;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest time for opening the simulated device.
 const OPEN: Duration = Duration::from_secs(5);
 /// Longest time for which one host is served before the deadline is made anew.
 const DAY: Duration = Duration::from_secs(86_400);
+/// Time for which a host that knocks waits for the one that is served to go: one that comes right after another is often seen before the
+/// other's end is.
+const GRACE: Duration = Duration::from_millis(500);
+/// Most hosts that wait so.
+const MOST_WAITING: usize = 8;
 
 /// Reasons why a device cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -142,8 +148,13 @@ impl Served {
         cancel: &Cancel,
         mut seen: impl FnMut(Visit),
     ) -> Result<(), ServeError> {
+        let mut waiting = VecDeque::new();
         while !cancel.is_cancelled() {
-            let Some((stream, host)) = port.next()? else {
+            let next = match waiting.pop_front() {
+                Some((stream, host, _)) => Some((stream, host)),
+                None => port.next()?,
+            };
+            let Some((stream, host)) = next else {
                 std::thread::sleep(Duration::from_millis(5));
                 continue;
             };
@@ -155,8 +166,15 @@ impl Served {
                     let meanwhile = || {
                         // What goes wrong with one that is sent away anyhow is no matter.
                         while let Ok(Some((other, host))) = port.next() {
-                            drop(other);
-                            seen(Visit::SentAway(host));
+                            waiting.push_back((other, host, Instant::now()));
+                        }
+                        while waiting.front().is_some_and(|first| {
+                            waiting.len() > MOST_WAITING || first.2.elapsed() > GRACE
+                        }) {
+                            if let Some((other, host, _)) = waiting.pop_front() {
+                                drop(other);
+                                seen(Visit::SentAway(host));
+                            }
                         }
                     };
                     Ok(bridge(&mut *self.line, &mut stream, &deadline, meanwhile)?)
