@@ -67,6 +67,7 @@ fn devices(port: u16) -> String {
 name = "cam"
 device = "indi-camera:127.0.0.1:{port}/CCD Simulator"
 exposure_s = 0.2
+rests_between_visits = true
 [[wheel]]
 name = "wheel"
 device = "indi-wheel:127.0.0.1:{port}/Filter Simulator"

@@ -100,6 +100,8 @@ struct Now {
     step: Option<u32>,
     /// When it ends.
     to: Option<Epoch>,
+    /// Whether there is nothing to do until then.
+    idle: bool,
     /// Whether the camera takes frames in another way then.
     changes: bool,
     /// Angle of the rotators, degrees.
@@ -321,7 +323,9 @@ impl CameraWork {
         let slot = schedule.slot(utc);
         let planned = slot.filter(|slot| slot.target.target_kind != TargetKind::None);
         let step = planned.and_then(|slot| slot.step.as_ref()).map(|step| step.number);
-        let to = slot.and_then(|slot| slot.to);
+        let rests = self.plan.rests_between_visits && wish == CameraWish::default();
+        let idle_to = rests.then(|| schedule.idle_to(utc)).flatten();
+        let to = idle_to.or(slot.and_then(|slot| slot.to));
         let changes = to.is_some_and(|to| {
             let mut next = schedule.exposing(&self.plan, to);
             wish.over(&mut next);
@@ -331,12 +335,12 @@ impl CameraWork {
         let angle_deg = setting.and_then(|step| step.rotator_deg);
         let target = planned.map(|slot| slot.target.clone());
         let begun = schedule.visits().iter().rev().map(|v| v.from).find(|from| *from <= utc);
-        Now { exposing, step, to, changes, angle_deg, target, begun }
+        Now { exposing, step, to, idle: idle_to.is_some(), changes, angle_deg, target, begun }
     }
 
-    /// Whether it takes no frame now: it has all of the step, cannot be set for it, or the next would not end before something else begins.
+    /// Whether it takes no frame now: it has nothing to do between visits, has all of the step, cannot be set for it, or the next would not end before something else begins.
     fn rests(&self, now: &Now, worker: &Worker) -> bool {
-        if now.step.is_some() && now.step == self.barred {
+        if now.idle || now.step.is_some() && now.step == self.barred {
             return true;
         }
         let taken = now.step.and_then(|step| self.taken.get(&step)).copied().unwrap_or(0);

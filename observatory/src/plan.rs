@@ -198,6 +198,9 @@ pub struct CameraPlan {
     /// The filter before it.
     #[serde(default)]
     pub filter: Option<String>,
+    /// Whether it takes no frames before a visit and between two.
+    #[serde(default)]
+    pub rests_between_visits: bool,
 }
 
 /// A counter in the plan.
@@ -243,6 +246,7 @@ impl CameraPlan {
             gain: None,
             temperature_c: None,
             filter: None,
+            rests_between_visits: false,
         }
     }
 }

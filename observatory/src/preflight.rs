@@ -1095,6 +1095,7 @@ fn camera_bytes_s(set: &CameraPlan, frame: f64) -> Bytes {
 }
 
 /// Bytes that a camera gives between two times, slot by slot. A step with a number of frames is over with them: what it leaves is time for the next that has none.
+/// A camera may rest between visits.
 fn camera_bytes(
     camera: &CameraPlan,
     plan: &Plan,
@@ -1112,7 +1113,13 @@ fn camera_bytes(
         let set = plan.schedule.exposing(camera, pair[0]);
         let frame = frame_bytes(&set.plan, sensors)?;
         let bytes_s = camera_bytes_s(&set.plan, frame);
-        let length_s = seconds(pair[0], pair[1]).max(0.0);
+        let mut length_s = seconds(pair[0], pair[1]).max(0.0);
+        if camera.rests_between_visits
+            && let Some(idle_to) = plan.schedule.idle_to(pair[0])
+        {
+            length_s = seconds(idle_to, pair[1]).clamp(0.0, length_s);
+            left_s = [0.0; 2];
+        }
         for (i, rate) in bytes_s.into_iter().enumerate() {
             let Some(frames) = set.frames.map(f64::from) else {
                 sum[i] += rate * (length_s + std::mem::take(&mut left_s[i]));

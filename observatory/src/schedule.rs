@@ -11,6 +11,9 @@ use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
 use sunglint_formats::toml::{Finite, Positive};
 
+/// Time before a visit from which on cameras that rest between visits take frames again, s.
+const READY_S: f64 = 5.0;
+
 /// A stay at a target, or none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slot {
@@ -102,6 +105,13 @@ impl Schedule {
             return now;
         }
         self.slots[begun..].iter().find(|slot| slot.target.target_kind != TargetKind::None)
+    }
+
+    /// Until when a camera that rests between visits has nothing to do at a time: shortly before the next visit. `None` within one, and where none is to come.
+    pub fn idle_to(&self, utc: Epoch) -> Option<Epoch> {
+        let next = self.setting(utc)?;
+        let idle_to = next.from - hifitime::Duration::from_seconds(READY_S);
+        (utc < idle_to).then_some(idle_to)
     }
 
     /// How a camera takes frames at a time. Between two visits it is set as for the next one, and takes frames of no number.

@@ -327,3 +327,29 @@ fn dark_frames_wait_for_the_cooler_as_long_as_they_can() {
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }
+
+/// A camera with time between two visits. Truth: by hand: the second visit begins ten seconds after the plan is made, so that a camera that rests has frames of no visit in the last five seconds
+/// only; another one has them all the time.
+#[test]
+fn a_camera_may_rest_between_visits() {
+    for rests in [false, true] {
+        let folder = folder(&format!("rests-{rests}"));
+        let next = hifitime::Epoch::now().unwrap() + hifitime::Duration::from_seconds(10.0);
+        let visits = format!(
+            "rests_between_visits = {rests}\n[[visit]]\noff = \"dark\"\nframes = 2\n\
+             [[visit]]\noff = \"bias\"\nfrom = \"{}Z\"\nexposure_s = 0.001\nframes = 2\n",
+            next.to_isoformat()
+        );
+        let (summary, session) = run(&folder, &format!("{CAMERA}{visits}"));
+        summary.check().unwrap();
+        let frames = frames(&session);
+        let of = |name: &str| frames.iter().filter(|f| text(f, "OBJECT") == name).count();
+        assert_eq!((of("dark"), of("bias")), (2, 2));
+        let between = frames.iter().filter(|f| !["dark", "bias"].contains(&text(f, "OBJECT")));
+        let before_s: Vec<f64> = between.map(|frame| (next - frame.start).to_seconds()).collect();
+        let longest_s = before_s.iter().copied().fold(0.0, f64::max);
+        assert!(!before_s.is_empty(), "{before_s:?}");
+        assert_eq!(longest_s < 5.5, rests, "{before_s:?}");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}
