@@ -62,7 +62,7 @@ fn text<'a>(frame: &'a Frame, key: &str) -> &'a str {
 fn a_sequence_is_what_the_frames_say() {
     let folder = folder("filters");
     let visits = "[[visit]]\nstar = \"Vega\"\nfilters = [\"Blue\", \"Green\", \"Red\"]\nrepeat = 2\nframes = 3\nexposure_s = 0.02\ngain = 10\n\
-                  [[visit]]\noff = \"dark\"\nframes = 2\n\
+                  [[visit]]\noff = \"dark\"\nframes = 2\nfor_s = 3\n\
                   [[visit]]\noff = \"bias\"\nexposure_s = 0.001\nframes = 2\nwindow_px = [8, 4, 64, 32]\nbinning = 2\n";
     let (summary, session) = run(&folder, &format!("{CAMERA}{WHEEL}{visits}"));
     summary.check().unwrap();
@@ -336,7 +336,7 @@ fn a_camera_may_rest_between_visits() {
         let folder = folder(&format!("rests-{rests}"));
         let next = hifitime::Epoch::now().unwrap() + hifitime::Duration::from_seconds(10.0);
         let visits = format!(
-            "rests_between_visits = {rests}\n[[visit]]\noff = \"dark\"\nframes = 2\n\
+            "rests_between_visits = {rests}\n[[visit]]\noff = \"dark\"\nframes = 2\nfor_s = 3\n\
              [[visit]]\noff = \"bias\"\nfrom = \"{}Z\"\nexposure_s = 0.001\nframes = 2\n",
             next.to_isoformat()
         );
