@@ -323,8 +323,9 @@ impl CameraWork {
         let slot = schedule.slot(utc);
         let planned = slot.filter(|slot| slot.target.target_kind != TargetKind::None);
         let step = planned.and_then(|slot| slot.step.as_ref()).map(|step| step.number);
-        let rests = self.plan.rests_between_visits && wish == CameraWish::default();
-        let idle_to = rests.then(|| schedule.idle_to(utc)).flatten();
+        let rests = self.plan.rests_between_visits;
+        let idle_to = schedule.idle_to(utc, worker.from, rests);
+        let idle_to = idle_to.filter(|_| wish == CameraWish::default());
         let to = idle_to.or(slot.and_then(|slot| slot.to));
         let changes = to.is_some_and(|to| {
             let mut next = schedule.exposing(&self.plan, to);

@@ -76,6 +76,8 @@ pub struct Night {
     pub opener: Arc<dyn Opener>,
     /// Where the telescope looks.
     pub schedule: Schedule,
+    /// When its cameras begin; `None`: at once. Counters begin at once in any case.
+    pub from: Option<Epoch>,
     /// When it ends; `None`: when it is stopped.
     pub end: Option<Epoch>,
     /// Whether it ends with its last visit, also where that is over early.
@@ -280,6 +282,7 @@ impl Night {
             watchdog: None,
             opener,
             schedule: plan.schedule,
+            from: Some(plan.from),
             end: match plan.clock {
                 NightClock::Recording => Some(plan.to.unwrap_or_else(|| Films::end(plan.from))),
                 NightClock::Computer | NightClock::Virtual => plan.to,
@@ -376,6 +379,7 @@ impl Night {
             cancel: cancel.clone(),
             disk: disk.clone(),
             schedule: schedule.clone(),
+            from: self.from,
             end: self.end,
             status: status.clone(),
             lost_at: None,

@@ -30,7 +30,9 @@ use sunglint_formats::toml::{Finite, Positive};
 use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, separation_rad};
+use sunglint_radiometry::sky::{
+    Catalogue, EarthOrientation, Equatorial, Observer, StarError, separation_rad,
+};
 use sunglint_radiometry::station::{Detector, Station};
 
 /// How bad a finding is.
@@ -110,6 +112,8 @@ impl Default for PreflightOptions {
 const LATE_S: f64 = 60.0;
 /// A night that begins in more than that is far, s.
 const FAR_S: f64 = 86_400.0;
+/// A longer night is worth a question, and a visit that begins so long after the one before it, s.
+const LONG_S: f64 = 172_800.0;
 /// Length of a visit without an end, as far as it is looked at, s.
 const OPEN_S: f64 = 3600.0;
 /// Moments of a visit that are looked at: one each 5 s, but so many at least and at most.
@@ -159,8 +163,10 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
         .then(|| Opened::start(plan, opener, options));
     check_clock(plan, &mut found);
     check_times(plan, options, &mut found);
+    let mut ended = None;
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
-        check_visit(number + 1, visit, plan, options, &mut found);
+        check_visit(number + 1, visit, ended, plan, options, &mut found);
+        ended = Some(visit.to.unwrap_or(visit.from));
     }
     check_mount(plan, opener, options, &mut found);
     check_saturation(plan, options, &mut found);
@@ -226,19 +232,26 @@ fn check_times(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
         let text =
             format!("it ended at {}, {} ago: correct its times", format_utc(to, 0), span(past_s));
         found.error("night", text);
-    } else if ahead_s > FAR_S {
-        found.warning(
-            "night",
-            format!("it begins in {}: frames are taken from now on", span(ahead_s)),
-        );
-    } else {
-        found.fine("night", format!("until {}, {} from now", format_utc(to, 0), span(past_s)));
+        return;
+    }
+    if ahead_s > FAR_S {
+        let text = format!("it begins in {}: cameras wait for it, counters do not", span(ahead_s));
+        found.warning("night", text);
+    }
+    let length_s = seconds(plan.from.max(options.now), to);
+    let text = format!("until {}, {} from now", format_utc(to, 0), span(past_s));
+    if length_s > LONG_S {
+        found.warning("night", format!("{text}: is that right? It is {} long", span(length_s)));
+    } else if ahead_s <= FAR_S {
+        found.fine("night", text);
     }
 }
 
+/// Checks a visit; the one before it ended at a time.
 fn check_visit(
     number: usize,
     slot: &Slot,
+    ended: Option<Epoch>,
     plan: &Plan,
     options: &PreflightOptions,
     found: &mut Preflight,
@@ -270,6 +283,10 @@ fn check_visit(
         if slot.to.is_some_and(|to| to > night) {
             found.warning(&about, format!("the night ends before it, at {}", format_utc(night, 0)));
         }
+    }
+    if let Some(ended) = ended.filter(|ended| seconds(*ended, slot.from) > LONG_S) {
+        let gap = span(seconds(ended, slot.from));
+        found.warning(&about, format!("it begins {gap} after the visit before it: is that right?"));
     }
     let length_s = seconds(slot.from, to);
     check_exposures(&about, slot.from, to, plan, found);
@@ -363,7 +380,19 @@ fn check_saturation(plan: &Plan, options: &PreflightOptions, found: &mut Preflig
             continue;
         }
         let place = Equatorial { ra_deg, dec_deg };
-        let Ok(star) = Catalogue::embedded().find_at(&target.name, place) else { continue };
+        let star = match Catalogue::embedded().find_at(&target.name, place) {
+            Ok(star) => star,
+            Err(error @ StarError::Elsewhere { .. }) => {
+                let about = format!("visit {} ({})", number + 1, target.name);
+                found.warning(
+                    &about,
+                    format!("{error} (`ra_deg` is in degrees, 15 of them an hour)"),
+                );
+                continue;
+            }
+            // Stars that only the plan knows have no brightness.
+            Err(_) => continue,
+        };
         let to = visit.to.or(plan.to).unwrap_or(visit.from);
         let steps = plan.schedule.slots().iter().filter(|s| s.from >= visit.from && s.from < to);
         let mut exposings: Vec<Exposing> = Vec::new();
@@ -412,10 +441,12 @@ struct Course {
     above_deg: Vec<f64>,
     altitude_deg: Vec<f64>,
     sun_altitude_deg: Vec<f64>,
+    /// Only where it is up: angles to the Sun, with the Sun's altitude, and whether the Sun shines on a satellite.
     sun_deg: Vec<f64>,
-    /// Only where the Moon is up.
-    moon_deg: Vec<f64>,
+    sun_beside_deg: Vec<f64>,
     sunlit: Vec<f64>,
+    /// Only where the Moon is up, too.
+    moon_deg: Vec<f64>,
 }
 
 fn most(values: &[f64]) -> f64 {
@@ -448,16 +479,15 @@ fn course(slot: &Slot, (from, to): (Epoch, Epoch), station: &Station) -> Result<
             Observer::at(utc, &station.site, earth).map_err(|error| error.to_string())?;
         let sun = observer.sun();
         course.sun_altitude_deg.push(sun.horizontal.altitude_deg());
-        let (horizontal, direction) = match &body {
+        let (horizontal, direction, sunlit) = match &body {
             None => continue,
             Some(Body::Star(star)) => {
                 let place = observer.star(star);
-                (place.horizontal, place.direction_gcrs)
+                (place.horizontal, place.direction_gcrs, None)
             }
             Some(Body::Orbit(orbit)) => {
                 let geometry = Geometry::at(orbit, &observer).map_err(|error| error.to_string())?;
-                course.sunlit.push(geometry.sunlit);
-                (geometry.horizontal, -geometry.to_observer)
+                (geometry.horizontal, -geometry.to_observer, Some(geometry.sunlit))
             }
         };
         let altitude = horizontal.altitude_deg();
@@ -466,6 +496,11 @@ fn course(slot: &Slot, (from, to): (Epoch, Epoch), station: &Station) -> Result<
         let lifted = if altitude < 5.0 { HORIZON_REFRACTION_DEG } else { 0.0 };
         course.above_deg.push(altitude + lifted - horizon);
         course.altitude_deg.push(altitude);
+        if altitude + lifted <= horizon {
+            continue;
+        }
+        course.sunlit.extend(sunlit);
+        course.sun_beside_deg.push(sun.horizontal.altitude_deg());
         course.sun_deg.push(separation_rad(direction, sun.place.direction_gcrs).to_degrees());
         let moon = observer.moon();
         if moon.horizontal.altitude_deg() > 0.0 {
@@ -503,6 +538,10 @@ fn check_sky(
     if up == 0.0 {
         let mut text =
             format!("it is not up: it stands at a zenith angle of {:.0}° at best", 90.0 - highest);
+        if highest > 0.0 {
+            let short = -most(&course.above_deg);
+            text += &format!(", {short:.0}° or more below the horizon that the station has there");
+        }
         let latitude = station.site.geodetic().latitude_deg;
         if let Some(dec) = slot.target.dec_deg.filter(|dec| (dec - latitude).abs() > 90.6) {
             text = format!(
@@ -522,27 +561,25 @@ fn check_sky(
         };
         found.warning(about, text);
     }
-    if !course.sunlit.is_empty() && up > 0.0 {
+    if !course.sunlit.is_empty() {
         let lit = part(&course.sunlit, |lit| lit > 0.5);
         if lit == 0.0 {
-            found.error(about, "it is in the Earth's shadow for the whole visit");
+            let of = if up < 1.0 { "as long as it is up" } else { "for the whole visit" };
+            found.error(about, format!("it is in the Earth's shadow {of}"));
         } else if lit < 1.0 {
             let dark = 100.0 * (1.0 - lit);
-            found.warning(
-                about,
-                format!("it is in the Earth's shadow for {dark:.0} % of the visit"),
-            );
+            let of = if up < 1.0 { "the time for which it is up" } else { "the visit" };
+            found.warning(about, format!("it is in the Earth's shadow for {dark:.0} % of {of}"));
         }
     }
     let sun = least(&course.sun_deg);
-    if sun < options.sun_deg && up > 0.0 {
-        let risen = most(&course.sun_altitude_deg) > -0.833;
+    if sun < options.sun_deg {
+        let risen = most(&course.sun_beside_deg) > -0.833;
         let text = format!("it comes within {sun:.0}° of the Sun");
         if risen { found.error(about, text) } else { found.warning(about, text) }
     }
     if let Some(moon) = course.moon_deg.iter().copied().reduce(f64::min)
         && moon < options.moon_deg
-        && up > 0.0
     {
         found.warning(about, format!("it comes within {moon:.1}° of the Moon"));
     }
@@ -1114,9 +1151,8 @@ fn camera_bytes(
         let frame = frame_bytes(&set.plan, sensors)?;
         let bytes_s = camera_bytes_s(&set.plan, frame);
         let mut length_s = seconds(pair[0], pair[1]).max(0.0);
-        if camera.rests_between_visits
-            && let Some(idle_to) = plan.schedule.idle_to(pair[0])
-        {
+        let rests = camera.rests_between_visits;
+        if let Some(idle_to) = plan.schedule.idle_to(pair[0], Some(plan.from), rests) {
             length_s = seconds(idle_to, pair[1]).clamp(0.0, length_s);
             left_s = [0.0; 2];
         }
@@ -1238,6 +1274,11 @@ mod tests {
     const DEVICES: &str = "[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.3\n";
     const ISS: &str = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n\
                        2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
+    /// Synthetic satellites: one over the north of the Stuttgart of this test in the evening, one that passes near its zenith.
+    const MADE: &str = "1 99101U 24001A   26332.50000000  .00000000  00000-0  10000-4 0    17\n\
+                        2 99101  51.6400  20.0000 0007000  30.0000   0.0000 15.50000000    12\n\
+                        1 99003U 24001A   26332.50000000  .00000000  00000-0  10000-4 0    18\n\
+                        2 99003  98.6000 328.0000 0010000  90.0000  60.0000 14.27000000    10\n";
 
     /// The findings of a plan at 2026-11-23T20:00:00Z: a November night at Stuttgart.
     fn findings(name: &str, top: &str, devices: &str, visits: &str) -> Preflight {
@@ -1245,6 +1286,7 @@ mod tests {
             std::env::temp_dir().join(format!("sunglint-preflight-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         std::fs::write(folder.join("iss.tle"), ISS).unwrap();
+        std::fs::write(folder.join("made.tle"), MADE).unwrap();
         let path = folder.join("night.toml");
         std::fs::write(&path, format!("{STATION}{top}\n{devices}\n{visits}")).unwrap();
         let plan = Plan::read(&path).unwrap();
@@ -1365,6 +1407,90 @@ mod tests {
         assert!(!said, "{found:?}");
     }
 
+    /// Truth: by hand: what each plan gets wrong. Right ascension in hours puts Vega (279.2°) at 18.6°; the made satellite is lit only while it is below the horizon (that the same visit cut to its pass is wholly in
+    /// shadow is the second case); a mask of 60° hides what stands at 50°; a year is wrong in one visit, and in the end of the night.
+    #[test]
+    fn mistakes_of_planners_are_named() {
+        let vega = "name = \"Vega\"\nra_deg = 18.6156\ndec_deg = 38.78";
+        let early = "2026-11-23T20:10:00Z";
+        let capella = visit("star = \"Capella\"", early);
+        let next_year = visit("star = \"Capella\"", "2027-11-23T20:30:00Z");
+        let made = |from: &str, to: &str| {
+            format!(
+                "[[visit]]\ntle = \"made.tle\"\nobject = \"99101\"\nfrom = \"2026-11-29T{from}Z\"\nto = \"2026-11-29T{to}Z\"\n"
+            )
+        };
+        let week = "from = \"2026-11-23T20:05:00Z\"\nto = \"2026-11-30T00:00:00Z\"";
+        let cases: [(&str, &str, String, Level, &str); 6] = [
+            ("hours", NIGHT, visit(vega, early), Level::Warning, "from the catalogue's 279."),
+            (
+                "lit-below",
+                week,
+                made("23:00:00", "23:50:00"),
+                Level::Error,
+                "shadow as long as it is up",
+            ),
+            (
+                "dark",
+                week,
+                made("23:43:30", "23:49:00"),
+                Level::Error,
+                "shadow for the whole visit",
+            ),
+            (
+                "gap",
+                "",
+                capella.clone() + &next_year,
+                Level::Warning,
+                "365.0 days after the visit before it",
+            ),
+            (
+                "years",
+                "from = \"2026-11-23T20:05:00Z\"\nto = \"2062-11-23T23:00:00Z\"",
+                capella.clone(),
+                Level::Warning,
+                "36.0 years long",
+            ),
+            (
+                "far",
+                "from = \"2026-11-26T20:05:00Z\"\nto = \"2026-11-26T21:00:00Z\"",
+                visit("star = \"Capella\"", "2026-11-26T20:10:00Z"),
+                Level::Warning,
+                "begins in 3.0 days: cameras wait",
+            ),
+        ];
+        for (name, top, visits, level, expected) in cases {
+            let found = findings(name, top, DEVICES, &visits);
+            let named = found.of(level).any(|finding| finding.text.contains(expected));
+            assert!(named, "{name}: {found:?}");
+        }
+    }
+
+    /// A mount that does not answer is the one that the plan tells of. Truth: by hand: Capella culminates at Stuttgart at 0:25 UTC; 1 °/s about the vertical is too slow for a pass near the zenith, of
+    /// 1.6 °/s across the sky.
+    #[test]
+    fn a_mount_that_is_off_is_held_against_the_plan() {
+        let mount = |keys: &str| {
+            format!(
+                "{DEVICES}[mount]\ndevice = \"indi-telescope:localhost:1/T\"\ntrust_clock = true\n{keys}\n"
+            )
+        };
+        let star = "[[visit]]\nstar = \"Capella\"\nfrom = \"2026-11-23T22:00:00Z\"\nto = \"2026-11-24T02:00:00Z\"\n";
+        let pass = "[[visit]]\ntle = \"made.tle\"\nobject = \"99003\"\nfrom = \"2026-11-29T16:06:00Z\"\nto = \"2026-11-29T16:13:00Z\"\n";
+        let found = findings("german", "", &mount("axes = \"equatorial\"\ngerman = true"), star);
+        let turns = found.of(Level::Warning).any(|f| f.text.contains("the mount turns over"));
+        assert!(turns, "{found:?}");
+        let found = findings("slow", "", &mount("axes = \"altaz\"\nmost_rate_deg_s = 1"), pass);
+        let keyhole = found.findings.iter().any(|f| {
+            f.level != Level::Fine
+                && f.about.starts_with("visit 1")
+                && f.text.contains("cannot follow")
+        });
+        assert!(keyhole, "{found:?}");
+        let found = findings("unknown", "", &mount(""), pass);
+        assert!(!found.findings.iter().any(|f| f.text.contains("can follow it")), "{found:?}");
+    }
+
     /// Truth: by hand: 200 bias frames of 160 × 120 px, 16 bits and a header of two blocks are 8.8 MB, and no more however short they are; after them the camera takes a frame of
     /// 0.3 s each 0.31 to 2.3 s for the rest of three hours.
     #[test]
@@ -1373,13 +1499,19 @@ mod tests {
         let found = findings("forecast", NIGHT, DEVICES, bias);
         let disk = found.findings.iter().find(|finding| finding.about == "disk").unwrap();
         let frame = 160.0 * 120.0 * 2.0 + FRAME_BYTES;
-        // From 20:00, the time of the check, to the step the camera is set as for it, and takes frames without a number.
-        let before_s = 600.0;
-        let [least, most] = [SLOW_S, FAST_S + frame / FAST_BYTES_S]
-            .map(|readout_s| 1e-9 * frame * (200.0 + before_s / (0.001 + readout_s)));
-        let text = format!("the night takes {least:.3} to {most:.3} GB");
+        // From 5 s before the night to the step the camera is set as for it, and takes frames without a number; a camera that rests does so for 5 s only.
+        let told = |before_s: f64| {
+            let [least, most] = [SLOW_S, FAST_S + frame / FAST_BYTES_S]
+                .map(|readout_s| 1e-9 * frame * (200.0 + before_s / (0.001 + readout_s)));
+            format!("the night takes {least:.3} to {most:.3} GB")
+        };
+        let text = told(305.0);
         assert!(disk.text.contains(&text), "{text}: {}", disk.text);
         assert_ne!(disk.level, Level::Error);
+        let rests = format!("{DEVICES}rests_between_visits = true\n");
+        let found = findings("forecast-rests", NIGHT, &rests, bias);
+        let disk = found.findings.iter().find(|finding| finding.about == "disk").unwrap();
+        assert!(disk.text.contains(&told(5.0)), "{}: {}", told(5.0), disk.text);
     }
 
     /// Truth: stars that culminate high at Stuttgart on a November night (right ascension 1 h to 7 h, declination above 10°), in the dark.

@@ -74,6 +74,7 @@ impl Night {
             cameras,
             counters,
             wheels: vec![],
+            from: None,
             ends_with_visits: false,
             resumes: false,
             mount: None,

@@ -11,7 +11,7 @@ use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
 use sunglint_formats::toml::{Finite, Positive};
 
-/// Time before a visit from which on cameras that rest between visits take frames again, s.
+/// Time before a night or a visit from which on cameras take frames that rested until then, s.
 const READY_S: f64 = 5.0;
 
 /// A stay at a target, or none.
@@ -107,11 +107,18 @@ impl Schedule {
         self.slots[begun..].iter().find(|slot| slot.target.target_kind != TargetKind::None)
     }
 
-    /// Until when a camera that rests between visits has nothing to do at a time: shortly before the next visit. `None` within one, and where none is to come.
-    pub fn idle_to(&self, utc: Epoch) -> Option<Epoch> {
-        let next = self.setting(utc)?;
-        let idle_to = next.from - hifitime::Duration::from_seconds(READY_S);
-        (utc < idle_to).then_some(idle_to)
+    /// Until when a camera has nothing to do at a time: shortly before the night begins, and, if it rests between visits, shortly before the next one. `None` within a visit, and where none
+    /// is to come.
+    pub(crate) fn idle_to(
+        &self,
+        utc: Epoch,
+        night: Option<Epoch>,
+        rests_between_visits: bool,
+    ) -> Option<Epoch> {
+        let next = self.setting(utc).filter(|_| rests_between_visits).map(|next| next.from);
+        let ready = hifitime::Duration::from_seconds(READY_S);
+        let idle_to = [night, next].into_iter().flatten().map(|begin| begin - ready);
+        idle_to.max().filter(|idle_to| utc < *idle_to)
     }
 
     /// How a camera takes frames at a time. Between two visits it is set as for the next one, and takes frames of no number.

@@ -35,6 +35,8 @@ pub struct Worker {
     pub disk: Disk,
     /// Where the telescope looks.
     pub schedule: Arc<SharedSchedule>,
+    /// When cameras begin; `None`: at once.
+    pub from: Option<Epoch>,
     /// When the night ends; `None`: when it is stopped.
     pub end: Option<Epoch>,
     /// Where it says how it goes.

@@ -353,3 +353,19 @@ fn a_camera_may_rest_between_visits() {
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }
+
+/// A plan that is started eight seconds before its `from`. Truth: by hand: its camera waits until five seconds before it.
+#[test]
+fn cameras_wait_for_the_night() {
+    let folder = folder("waits");
+    let from = hifitime::Epoch::now().unwrap() + hifitime::Duration::from_seconds(8.0);
+    let visits = "[[visit]]\noff = \"sky\"\nfor_s = 2\n";
+    let top = format!("from = \"{}Z\"\n", from.to_isoformat());
+    let (summary, session) = run(&folder, &format!("{top}{CAMERA}{visits}"));
+    summary.check().unwrap();
+    let frames = frames(&session);
+    let before_s = frames.iter().map(|frame| (from - frame.start).to_seconds());
+    let longest_s = before_s.fold(0.0, f64::max);
+    assert!((3.0..5.5).contains(&longest_s), "{longest_s}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}

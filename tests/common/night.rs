@@ -279,6 +279,7 @@ impl Fakes {
             rotators: vec![],
             mount: None,
             watchdog: None,
+            from: None,
             ends_with_visits: false,
             resumes: false,
             end: if self.real_time { None } else { plan.to },

@@ -53,6 +53,19 @@ fn ask(
     answer.recv_timeout(within + Duration::from_millis(200)).ok()
 }
 
+/// Abilities of a mount that does not answer: those that the plan tells; what it leaves open is as of the strictest kind.
+fn unheard(mount: &MountPlan) -> MountAbilities {
+    let known = mount.known();
+    let rates = match known.most_deg_s {
+        Some(most) => MountRates::Continuous { most_deg_s: Axes::new(most, most) },
+        None => MountRates::Absent,
+    };
+    let mut abilities = MountAbilities::new(known.axes.unwrap_or(MountAxes::Equatorial), rates);
+    abilities.tells_pier_side = known.german == Some(true) || mount.camera_angle_pier.is_some();
+    abilities.know(&known);
+    abilities
+}
+
 /// Checks the mount of a plan. Nothing moves.
 pub(crate) fn check_mount(
     plan: &Plan,
@@ -83,9 +96,7 @@ pub(crate) fn check_mount(
             Some(Ok(said)) => Some(said),
         },
     };
-    // Of a mount that does not answer the rules of the strictest kind hold.
-    let mut strict = MountAbilities::new(MountAxes::Equatorial, MountRates::Absent);
-    strict.know(&mount.known());
+    let strict = unheard(mount);
     let abilities = said.as_ref().map_or(&strict, |said| &said.abilities);
     let cone = SunCone::default().with_limit_deg(mount.sun_limit_deg());
     let guard = Guard::of(&plan.station.site, abilities, cone)
@@ -251,7 +262,14 @@ fn check_visits(
         } else {
             String::new()
         };
-        found.fine(&about, format!("the mount can follow it: up to {:.2} °/s{sun}", a.max(b)));
+        let fastest = format!("up to {:.2} °/s{sun}", a.max(b));
+        let text = match abilities.continuous_deg_s() {
+            Some(_) => format!("the mount can follow it: {fastest}"),
+            None => format!(
+                "nothing forbids the mount to follow it, {fastest}; how fast it is, is not known: it did not answer (`most_rate_deg_s` in the plan)"
+            ),
+        };
+        found.fine(&about, text);
         stands = Some(angles(path.at(path.seconds()).direction));
     }
 }
