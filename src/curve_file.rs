@@ -59,6 +59,8 @@ pub enum Numbers {
     Unix,
     /// Seconds from a moment that is not known
     S,
+    /// Days from a moment that is not known
+    D,
     /// Texts by ISO 8601
     Iso,
 }
@@ -94,6 +96,7 @@ impl TimeColumn {
             Numbers::Mjd => TimeFormat::Mjd,
             Numbers::Unix => TimeFormat::Unix,
             Numbers::S => TimeFormat::Seconds,
+            Numbers::D => TimeFormat::Days,
             Numbers::Iso => TimeFormat::Iso,
         });
     }

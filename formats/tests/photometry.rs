@@ -741,6 +741,149 @@ mod made_by_others {
         assert!(of("SAT B").unwrap_err().to_string().contains("it has SAT A"));
     }
 
+    /// Truth: by hand: 2.5 lg 2 between fluxes of 1 and 2; an uncertainty of 1 % is 0.0109 mag. A column that is asked for is what its name or unit says, not a magnitude because it was asked for.
+    #[test]
+    fn fluxes_that_are_asked_for_are_fluxes() {
+        for (column, sigma) in [
+            ("rel_flux_T1", "rel_flux_err_T1"),
+            ("flux(mJy)", "flux_err"),
+            ("KSPSAP_FLUX", "KSPSAP_FLUX_ERR"),
+            ("RATE1", "none"),
+            ("Source counts", "Source counts error"),
+        ] {
+            let text = format!(
+                "time_utc,{column},{sigma}\n2024-03-05T18:00:00Z,1,0.01\n2024-03-05T18:00:02Z,2,0.02\n"
+            );
+            let asked = names(|n| n.magnitude = Some(column.to_lowercase()));
+            let found = read_as(text.as_bytes(), &asked).unwrap();
+            assert!(found.of_flux && found.samples.is_relative, "{column}");
+            let m = &found.samples.magnitude;
+            assert!((m[0] - m[1] - 0.752_575).abs() < 1e-6, "{column}: {m:?}");
+            if sigma != "none" {
+                let s = found.samples.sigma_mag.unwrap();
+                assert!((s[0] - 0.010_857).abs() < 1e-6 && (s[1] - s[0]).abs() < 1e-12, "{s:?}");
+            }
+        }
+        let text = "time_utc,inst_mag_flux\n2024-03-05T18:00:00Z,7.25\n2024-03-05T18:00:02Z,7.5\n";
+        let asked = names(|n| n.magnitude = Some("inst_mag_flux".into()));
+        assert!(!read_as(text.as_bytes(), &asked).unwrap().of_flux);
+    }
+
+    /// Truth: the words of the names: none of these times is UTC. Behind an offset, or with a scale that is told, the same are taken.
+    #[test]
+    fn local_times_are_not_utc() {
+        let rows = "2024-03-05,18:00:00,7.25\n2024-03-05,18:00:02,7.5\n";
+        for head in [
+            "Date,Local time,mag",
+            "Date,Time (CEST),mag",
+            "Date (LT),Time,mag",
+            "Date,time_local,mag",
+            "Date,Time (UTC+2),mag",
+            "# Time zone: CET\nDate,Time,mag",
+        ] {
+            let refused = read(&format!("{head}\n{rows}")).unwrap_err();
+            assert!(refused.contains("times in UTC") && refused.contains("+02:00"), "{refused}");
+            let told = names(|n| n.scale = Some(Scale::Utc));
+            holds(&read_as(format!("{head}\n{rows}").as_bytes(), &told).unwrap(), 9);
+        }
+        holds(&read(&format!("# Time zone: UTC\nDate,Time,mag\n{rows}")).unwrap(), 9);
+        holds(&read(&format!("Date,Time (UT),mag\n{rows}")).unwrap(), 9);
+        let zoned =
+            "time (local),mag\n2024-03-05T20:00:00+02:00,7.25\n2024-03-05T20:00:02+02:00,7.5\n";
+        let asked = names(|n| n.time = Some("time (local)".into()));
+        holds(&read_as(zoned.as_bytes(), &asked).unwrap(), 9);
+    }
+
+    /// Tables as surveys have them (synthetic rows under their heads: AAVSO's download, ZTF at IRSA, a numbered table). Truth: the rows.
+    #[test]
+    fn objects_and_filters_of_surveys() {
+        let two = "Star Name,JD_UTC,Magnitude,Band\nZZ A,2460375.25,7.25,V\nZZ A,2460375.26,7.3,V\nZZ B,2460375.25,9,V\nZZ B,2460375.26,9.1,V\n";
+        let refused =
+            import("t.csv", two.as_bytes().to_vec(), &ColumnNames::default(), &ObjectRows::One);
+        let refused = refused.unwrap_err().to_string();
+        assert!(refused.contains("2 objects (column `Star Name`): ZZ A (2 rows)"), "{refused}");
+        // One source in two filters has a number in each; four numbers are two sources.
+        let ztf = |oids: [u32; 4]| {
+            let rows = oids.iter().enumerate().map(|(i, oid)| {
+                let filter = if i % 2 == 0 { "zg" } else { "zr" };
+                format!("{oid},2460375.25{i},60374.75{i},7.25,{filter}\n{oid},2460375.26{i},60374.76{i},7.5,{filter}\n")
+            });
+            format!("oid,hjd,mjd,mag,filtercode\n{}", rows.collect::<String>())
+        };
+        let utc = names(|n| n.scale = Some(Scale::Utc));
+        let one = read_as(ztf([11, 12, 11, 12]).as_bytes(), &utc).unwrap();
+        assert_eq!(one.samples.filter.unwrap()[..4], ["zg", "zg", "zr", "zr"]);
+        assert!(one.columns.contains(&("time", "mjd".to_owned())), "{:?}", one.columns);
+        let refused = read_as(ztf([11, 12, 13, 14]).as_bytes(), &utc).unwrap_err();
+        assert!(refused.contains("4 objects (column `oid`)"), "{refused}");
+        holds(
+            &read("id,time_utc,mag\n1,2024-03-05T18:00:00,7.25\n2,2024-03-05T18:00:02,7.5\n")
+                .unwrap(),
+            9,
+        );
+    }
+
+    /// The head of the forced photometry of ATLAS, whose magnitudes have the sign of the flux (synthetic rows). Truth: a flux below 0 has no magnitude; 2.5 lg 2 between its fluxes.
+    #[test]
+    fn fluxes_below_zero_have_no_magnitude() {
+        let text = "###MJD m dm uJy duJy F err chi/N RA Dec\n60374.75 19.6 0.5 52 25 c 0 1.0 10.0 20.0\n60374.76 -18.9 0.3 -106 25 o 0 1.0 10.0 20.0\n60374.77 18.85 0.2 104 25 o 0 1.0 10.0 20.0\n";
+        let utc = names(|n| n.scale = Some(Scale::Utc));
+        let found = read_as(text.as_bytes(), &utc).unwrap();
+        let told: Vec<bool> = found.samples.magnitude.iter().map(|m| m.is_finite()).collect();
+        assert_eq!(told, [true, false, true]);
+        assert!(found.samples.notes.join("\n").contains("1 magnitudes left out"));
+        assert_eq!(found.samples.filter.unwrap(), ["c", "o", "o"]);
+        let flux = names(|n| (n.scale, n.magnitude) = (Some(Scale::Utc), Some("uJy".into())));
+        let found = read_as(text.as_bytes(), &flux).unwrap();
+        let m = &found.samples.magnitude;
+        assert!((m[0] - m[2] - 0.752_575).abs() < 1e-6 && m[1].is_nan(), "{m:?}");
+    }
+
+    /// Heads that begin with a tab, as ImageJ's tables do (from memory of AstroImageJ's), and days that a name takes off. Truth: the module's; TDB is 69.184 s ahead of UTC, to 2 ms.
+    #[test]
+    fn leading_tabs_and_days_taken_off() {
+        let jd = 2_460_375.25;
+        let two = 2.0 / 86_400.0;
+        let table = format!(
+            " \tLabel\tJ.D.-2400000\tmag\n1\ta.fits\t{:.9}\t7.25\n2\tb.fits\t{:.9}\t7.5\n",
+            jd - 2.4e6,
+            jd - 2.4e6 + two
+        );
+        let utc = names(|n| n.scale = Some(Scale::Utc));
+        holds(&read_as(table.as_bytes(), &utc).unwrap(), 3);
+        holds(
+            &read("\ttime_utc\tmag\n2024-03-05T18:00:00\t7.25\n2024-03-05T18:00:02\t7.5\n")
+                .unwrap(),
+            9,
+        );
+        for (name, off) in [
+            ("HJD-2450000", 2.45e6),
+            ("HJD (-2400000)", 2.4e6),
+            ("JD-2400000.5", 2_400_000.5),
+            ("RJD", 2.4e6),
+        ] {
+            let text = format!("{name},mag\n{:.9},7.25\n{:.9},7.5\n", jd - off, jd - off + two);
+            let found = read_as(text.as_bytes(), &utc).unwrap();
+            holds(&found, 3);
+            assert!(found.samples.notes.join("\n").contains("days since the Julian date"));
+        }
+        // Whole dates under such a name stay whole.
+        holds(
+            &read_as(format!("HJD-2450000,mag\n{jd},7.25\n{:.9},7.5\n", jd + two).as_bytes(), &utc)
+                .unwrap(),
+            3,
+        );
+        for (name, off) in [("btjd", 2_457_000.0), ("BKJD", 2_454_833.0)] {
+            let at = jd - off + 69.184 / 86_400.0;
+            let text = format!("{name},mag\n{at:.9},7.25\n{:.9},7.5\n", at + two);
+            holds(&read(&text).unwrap(), 2);
+        }
+        let days = names(|n| n.format = Some(TimeFormat::Days));
+        let found = read_as(b"time,mag\n0.5,7.25\n1.75,7.5\n", &days).unwrap();
+        let step = (found.samples.time[1] - found.samples.time[0]).to_seconds();
+        assert!((step - 108_000.0).abs() < 1e-6, "{step}");
+    }
+
     /// Truth: the rows: five magnitudes, and four numbers that stand for none. Fluxes may be any number.
     #[test]
     fn numbers_that_stand_for_none_are_none() {
@@ -854,4 +997,22 @@ fn tables_without_a_row_are_refused() {
         let one = read(format!("{text}60374.5{between}8.1\n")).unwrap();
         assert_eq!(one.samples.magnitude, [8.1]);
     }
+}
+
+/// The layout of a single track of MMT-9, which has no number of it (synthetic). Truth: the rows.
+#[test]
+fn one_track_of_mmt9_has_no_number() {
+    let row = |second: u32, mag: f64| {
+        format!("2024-03-05 18:00:{second:02}.0 {mag} {mag} Clear 0 1000.0 60.0 5\n")
+    };
+    let text = format!(
+        "# Date Time StdMag Mag Filter Penumbra Distance Phase Channel\n{}{}",
+        row(0, 7.25),
+        row(2, 7.5)
+    );
+    let found = import("track_1.txt", text.into_bytes(), &ColumnNames::default(), &ObjectRows::One)
+        .unwrap();
+    assert_eq!(found.format, "MMT-9 text");
+    assert_eq!(found.samples.magnitude, [7.25, 7.5]);
+    assert_eq!(found.samples.camera.unwrap(), ["5", "5"]);
 }

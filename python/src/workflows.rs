@@ -150,8 +150,9 @@ impl Reading {
             Some("mjd") => Some(TimeFormat::Mjd),
             Some("unix") => Some(TimeFormat::Unix),
             Some("s") => Some(TimeFormat::Seconds),
+            Some("d") => Some(TimeFormat::Days),
             Some("iso") => Some(TimeFormat::Iso),
-            Some(other) => return Err(unknown("time_format", other, "jd, mjd, unix, s or iso")),
+            Some(other) => return Err(unknown("time_format", other, "jd, mjd, unix, s, d or iso")),
         };
         names.magnitude.clone_from(&self.magnitude_column);
         names.sigma.clone_from(&self.sigma_column);

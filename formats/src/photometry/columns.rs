@@ -1,6 +1,6 @@
 //! Tables of named columns, whoever named them.
 
-use super::words::{READING_NOTES, is_clock, is_date};
+use super::words::{READING_NOTES, TIME_ZONE, is_clock, is_date};
 use super::{DAY_S, MJD_OFFSET, Scale, moment};
 use crate::text::counted;
 use crate::time::{UtcDay, parse_utc, parse_zoned};
@@ -9,7 +9,7 @@ use hifitime::{Duration, Epoch};
 use std::path::Path;
 
 /// Names of columns of times that are known, for messages.
-pub const TIME_COLUMNS: &str = "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb; or --time-column NAME, with --time-format jd, mjd, unix or s";
+pub const TIME_COLUMNS: &str = "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb; or --time-column NAME, with --time-format jd, mjd, unix, s or d";
 
 /// Names that others give to times in words.
 const TEXT_TIMES: [&str; 9] = [
@@ -27,7 +27,45 @@ const TEXT_TIMES: [&str; 9] = [
 const MAGNITUDES: [&str; 8] =
     ["magnitude", "mag", "vmag", "v_mag", "mag_v", "v", "m", "apparent_mag"];
 /// Names that others give to fluxes.
-const FLUXES: [&str; 7] = ["flux", "pdcsap_flux", "sap_flux", "counts", "adu", "rate", "intensity"];
+const FLUXES: [&str; 8] = [
+    "flux",
+    "pdcsap_flux",
+    // TESS's quick-look pipeline: beside SAP_FLUX, as the mission's own.
+    "kspsap_flux",
+    "sap_flux",
+    "counts",
+    "adu",
+    "rate",
+    "intensity",
+];
+/// Words in the name of a column, or in its unit, that say that its values are fluxes.
+const OF_FLUX: [&str; 13] = [
+    "flux",
+    "fluxes",
+    "rate",
+    "counts",
+    "count",
+    "adu",
+    "jy",
+    "mjy",
+    "ujy",
+    "electron",
+    "electrons",
+    "intensity",
+    "photons",
+];
+/// Names that others give to filters.
+const FILTERS: [&str; 9] = [
+    "filter",
+    "filt",
+    "band",
+    "filters",
+    "filtercode",
+    "fid",
+    "passband",
+    "bandpass",
+    "filter_name",
+];
 /// Names that others give to standard uncertainties of magnitudes.
 const SIGMAS: [&str; 18] = [
     "sigma_mag",
@@ -91,6 +129,8 @@ pub enum TimeFormat {
     Unix,
     /// Seconds from a moment that is not known.
     Seconds,
+    /// Days from a moment that is not known.
+    Days,
     /// Texts by ISO 8601.
     Iso,
 }
@@ -105,16 +145,61 @@ enum Kind {
     Unix,
 }
 
+/// Words in names of times that say that they are those of a place's clock.
+const LOCAL: [&str; 31] = [
+    "local", "lt", "loc", "lmt", "dst", "cet", "cest", "eet", "eest", "wet", "west", "bst", "msk",
+    "ist", "jst", "kst", "hkt", "aest", "aedt", "acst", "awst", "nzst", "nzdt", "est", "edt",
+    "cst", "cdt", "mst", "mdt", "pst", "pdt",
+];
+
+/// The word in a name of times, or of a zone, by which they are not UTC: `local`, `CET`, `UTC+2`.
+fn local_word(name: &str) -> Option<String> {
+    let lower = name.to_ascii_lowercase();
+    let mut words = lower.split(|c: char| !c.is_ascii_alphanumeric());
+    if let Some(word) = words.find(|word| LOCAL.contains(word)) {
+        return Some(word.to_owned());
+    }
+    let offset = ["utc", "gmt", "ut"].iter().find_map(|zone| {
+        let (_, rest) = lower.split_once(zone)?;
+        let rest = rest.trim_start();
+        let digits = rest.strip_prefix(['+', '-', '−'])?.trim_start();
+        let hours: String = digits.chars().take_while(char::is_ascii_digit).collect();
+        (hours.parse::<u32>().ok()? > 0).then(|| format!("{zone}{rest}"))
+    });
+    offset.map(|text| text.trim_end_matches([')', ']']).to_owned())
+}
+
+/// Days that a name takes off Julian dates (`HJD-2450000`), whole ones and the rest; those of the missions' own dates.
+fn taken_off(name: &str) -> Option<(i64, f64)> {
+    let lower = name.to_ascii_lowercase();
+    // Kepler Archive Manual, section 2.3.2; TESS Science Data Products Description, section 2.3.
+    match lower.as_str() {
+        "bkjd" => return Some((2_454_833, 0.0)),
+        "rjd" => return Some((2_400_000, 0.0)),
+        "btjd" => return Some((2_457_000, 0.0)),
+        _ => {}
+    }
+    lower.match_indices(['-', '−']).find_map(|(at, sign)| {
+        let rest = lower[at + sign.len()..].trim_start();
+        let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        let number = rest[..end].trim_end_matches('.').parse::<f64>().ok()?;
+        (2_300_000.0..2_500_000.0)
+            .contains(&number)
+            .then(|| (number.floor() as i64, number.fract()))
+    })
+}
+
 impl Kind {
     /// The kind that a name says: `JD_UTC`, `obsmjd`, `unix_time`.
     fn of_name(name: &str) -> Option<Self> {
-        let name = name.to_ascii_lowercase();
+        // AstroImageJ writes `J.D.-2400000`.
+        let name = name.to_ascii_lowercase().replace("j.d.", "jd");
         let mut words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
         let first = words.clone().next()?;
         let whole = |word: &str| match word {
             "jd" => Some(Self::Jd),
             "mjd" => Some(Self::Mjd),
-            "bjd" => Some(Self::Bjd),
+            "bjd" | "btjd" | "bkjd" => Some(Self::Bjd),
             "hjd" => Some(Self::Hjd),
             "unix" | "unixtime" | "posix" => Some(Self::Unix),
             _ => None,
@@ -149,7 +234,7 @@ impl Kind {
 pub struct ColumnNames {
     /// The column of times.
     pub time: Option<String>,
-    /// The scale of times whose column does not name it.
+    /// The scale of times whose column does not name it; it also says of times called local which they really are.
     pub scale: Option<Scale>,
     /// Meaning of the times' numbers, where the column's name does not say it.
     pub format: Option<TimeFormat>,
@@ -175,13 +260,15 @@ impl ColumnNames {
 
     /// Name of the table's column of magnitudes.
     pub fn magnitude_of<'a>(&self, table: &'a Table) -> Option<&'a str> {
-        Self::of(table, self.magnitude.as_deref(), &MAGNITUDES)
+        let found = Self::of(table, self.magnitude.as_deref(), &MAGNITUDES)?;
+        // A flux that was asked for is one.
+        (self.magnitude.is_none() || !is_flux(table, found)).then_some(found)
     }
 
-    /// Name of the table's column of fluxes, where it has no magnitudes.
+    /// Name of the table's column of fluxes, where it has no magnitudes, or where it was asked for.
     pub fn flux_of<'a>(&self, table: &'a Table) -> Option<&'a str> {
-        match &self.magnitude {
-            Some(_) => None,
+        match self.magnitude.as_deref() {
+            Some(asked) => find(table, asked).filter(|name| is_flux(table, name)),
             None => Self::of(table, None, &FLUXES),
         }
     }
@@ -200,10 +287,14 @@ impl ColumnNames {
                 format!("{name}_sigma"),
                 format!("{name}_unc"),
                 format!("{name}_uncertainty"),
+                format!("{name} error"),
+                format!("{name} err"),
+                // AstroImageJ: rel_flux_err_T1 of rel_flux_T1.
+                name.replacen("flux_", "flux_err_", 1),
                 // ATLAS.
                 format!("d{name}"),
             ];
-            forms.iter().find_map(|form| find(table, form))
+            forms.iter().filter(|form| *form != name).find_map(|form| find(table, form))
         });
         if own.is_some() || self.sigma.is_some() {
             return own.or_else(|| Self::of(table, self.sigma.as_deref(), &[]));
@@ -217,6 +308,45 @@ impl ColumnNames {
         };
         found.into_iter().find(|name| !is_flag(name))
     }
+}
+
+/// Whether a column's name or unit says that its values are fluxes.
+fn is_flux(table: &Table, name: &str) -> bool {
+    let unit = table.column(name).ok().and_then(|column| column.unit.as_deref()).unwrap_or("");
+    let said = format!("{name} {unit}").to_ascii_lowercase();
+    if said.contains("mag") {
+        return false;
+    }
+    let mut words = said.split(|c: char| !c.is_ascii_alphabetic());
+    let has_unit = !matches!(unit.trim(), "" | "1" | "dex");
+    has_unit || words.any(|word| OF_FLUX.contains(&word) || word.ends_with("flux"))
+}
+
+/// The name of a table's column of filters.
+pub fn filter_column(table: &Table) -> Option<&str> {
+    let usual = FILTERS.iter().find_map(|name| find(table, name));
+    // The forced photometry of ATLAS has one letter for nearly everything.
+    usual.or_else(|| find(table, "F").filter(|_| find(table, "uJy").is_some()))
+}
+
+/// Takes out magnitudes that stand for a flux below 0: the forced photometry of ATLAS gives a faint source's magnitude the sign of its flux. Returns the note on it.
+pub fn without_signs_of_fluxes(
+    table: &Table,
+    name: &str,
+    magnitudes: &mut [f64],
+) -> Option<String> {
+    let flux = find(table, "uJy").filter(|_| name.eq_ignore_ascii_case("m"))?;
+    let fluxes = table.f64(flux).ok()?;
+    let mut lost = 0;
+    for (m, flux) in magnitudes.iter_mut().zip(fluxes.iter()) {
+        if *flux <= 0.0 && m.is_finite() {
+            *m = f64::NAN;
+            lost += 1;
+        }
+    }
+    (lost > 0).then(|| {
+        format!("{lost} magnitudes left out: their flux ({flux}) is not above 0 (--magnitude-column {flux} reads fluxes)")
+    })
 }
 
 /// Exposures of a table.
@@ -344,6 +474,8 @@ pub(super) fn usual_time(table: &Table) -> Option<&str> {
     let names = || table.columns.iter().map(|c| c.name.as_str());
     let of_kind = |is: &dyn Fn(Kind) -> bool| names().find(|n| Kind::of_name(n).is_some_and(is));
     find(table, TEXT_TIMES[0])
+        // Times of the observer before those of the Sun or of the barycentre.
+        .or_else(|| of_kind(&|kind| matches!(kind, Kind::Jd | Kind::Mjd)))
         .or_else(|| of_kind(&|kind| kind != Kind::Unix))
         .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
         .or_else(|| of_kind(&|kind| kind == Kind::Unix))
@@ -522,7 +654,9 @@ fn times(
         let lower = name.to_ascii_lowercase();
         lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::of)
     };
-    let named = of_name(name).or_else(|| of_name(half?.0)).or_else(kept);
+    let is_mission = matches!(name.to_ascii_lowercase().as_str(), "bkjd" | "btjd");
+    let mission = is_mission.then_some(Scale::Tdb);
+    let named = of_name(name).or_else(|| of_name(half?.0)).or(mission).or_else(kept);
     let scale = names.scale.or(named).or_else(|| Scale::of(system?));
     let unknown = |kind: &str| {
         if let Some(system) = system.filter(|s| !s.is_empty()) {
@@ -568,6 +702,15 @@ fn times(
                 }
                 Err(error) => return Err(in_row(error.in_file(path), row)),
             }
+        }
+        let zone = table.meta_text(TIME_ZONE);
+        let local = [Some(name), half.map(|(other, _)| other), zone].into_iter().flatten();
+        let local = local.filter_map(|text| Some((text, local_word(text)?))).next();
+        if let Some((text, word)) = local.filter(|_| !all_zoned && names.scale.is_none()) {
+            let error = ParseError::new(path, format!("`{text}`: times in {word}"), "times in UTC");
+            return Err(error.in_field(name.to_owned()).with_hint(
+                "take off the zone's offset and call the column time_utc, or write it behind each time (20:00:00+02:00); --time-scale utc says that they are UTC all the same",
+            ));
         }
         let mut notes: Vec<String> =
             half.map(|(other, _)| format!("{name} and {other} are one time")).into_iter().collect();
@@ -621,7 +764,8 @@ fn times(
     let Ok(numbers) = table.f64(name) else { return Err(not_numbers("numbers")) };
     let mut notes = Vec::new();
     let kind = match names.format {
-        Some(TimeFormat::Seconds) => return seconds(path, name, &numbers),
+        Some(TimeFormat::Seconds) => return from_any(path, name, &numbers, ("seconds", 1.0)),
+        Some(TimeFormat::Days) => return from_any(path, name, &numbers, ("days", DAY_S)),
         Some(TimeFormat::Iso) => return Err(not_numbers("texts by ISO 8601")),
         // What a name says of the light's way stays.
         Some(TimeFormat::Jd) => {
@@ -643,7 +787,7 @@ fn times(
             (None, None) => {
                 let error = not_numbers("ISO 8601, or a column called jd_… or mjd_…");
                 return Err(error.with_hint(
-                    "--time-format jd, mjd, unix or s (seconds from any moment) says what its numbers are",
+                    "--time-format jd, mjd, unix, s or d (seconds or days from any moment) says what its numbers are",
                 ));
             }
         },
@@ -656,18 +800,38 @@ fn times(
         Kind::Jd => ("jd", scale),
     };
     let Some(scale) = scale else { return Err(unknown(words)) };
+    // Whole dates stand in columns with such names, too.
+    let off = taken_off(name).filter(|_| !matches!(kind, Kind::Unix | Kind::Mjd));
+    let off = off.filter(|_| Kind::of_size(&numbers) != Some(Kind::Jd));
     let time = numbers.iter().enumerate().map(|(row, number)| {
-        let time = match kind {
-            Kind::Unix => of_unix(*number),
+        let time = match (kind, off) {
+            (Kind::Unix, _) => of_unix(*number),
+            (_, Some((days, part))) => {
+                let rest = number + part - 0.5;
+                let whole = Some(rest.floor()).filter(|d| d.abs() < 1e7);
+                whole.and_then(|whole| {
+                    moment(days + whole as i64 - MJD_OFFSET, rest - whole, scale)
+                })
+            }
             _ => of_julian(*number, kind == Kind::Mjd, scale),
         };
         time.ok_or_else(|| {
             let error = ParseError::new(path, number.to_string(), "a date from 1972 to 2100");
-            in_row(error, row)
+            let error = in_row(error, row);
+            match kind {
+                Kind::Unix => error,
+                _ => error.with_hint(
+                    "where days are taken off, the column's name says which: JD-2450000, btjd, bkjd; --time-format d reads days from any moment",
+                ),
+            }
         })
     });
     let time = time.collect::<Result<_, _>>()?;
     match kind {
+        _ if off.is_some() => {
+            let (days, part) = off.unwrap_or_default();
+            notes.push(format!("{name}: days since the Julian date {}", days as f64 + part));
+        }
         Kind::Mjd => {}
         Kind::Unix => notes.push(format!("{name}: Unix time, in which leap seconds are left out")),
         _ => notes.push(format!("{name}: a Julian date in a double is good to 40 µs")),
@@ -689,19 +853,26 @@ fn of_unix(seconds: f64) -> Option<Epoch> {
     moment(MJD_1970 + days as i64, (seconds - days * DAY_S) / DAY_S, Scale::Utc)
 }
 
-/// Seconds from a moment that nobody knows: dates from 2000 on stand for it.
-fn seconds(path: &Path, name: &str, numbers: &[f64]) -> Result<ColumnTimes, ParseError> {
+/// Seconds or days from a moment that nobody knows: dates from 2000 on stand for it.
+fn from_any(
+    path: &Path,
+    name: &str,
+    numbers: &[f64],
+    (unit, unit_s): (&str, f64),
+) -> Result<ColumnTimes, ParseError> {
     const FROM: &str = "2000-01-01T00:00:00Z";
     let first = parse_utc(FROM).map_err(|e| e.in_file(path))?;
-    let time = numbers.iter().enumerate().map(|(row, s)| {
+    let time = numbers.iter().enumerate().map(|(row, number)| {
+        let s = number * unit_s;
         if s.abs() < 8e8 {
-            return Ok(first + Duration::from_seconds(*s));
+            return Ok(first + Duration::from_seconds(s));
         }
-        let error = ParseError::new(path, s.to_string(), "seconds, less than 25 years of them");
+        let expected = format!("{unit}, less than 25 years of them");
+        let error = ParseError::new(path, number.to_string(), expected);
         Err(error.in_field(format!("{name}, row {}", row + 1)))
     });
     let notes = vec![format!(
-        "{name}: seconds from a moment that is not known: the dates, from {FROM} on, are made up"
+        "{name}: {unit} from a moment that is not known: the dates, from {FROM} on, are made up"
     )];
     Ok(ColumnTimes { time: time.collect::<Result<_, _>>()?, notes })
 }

@@ -126,6 +126,8 @@ fn of_table(
     let numbers = |name: &str| table.f64(name).map(|v| v.into_owned()).map_err(|e| e.in_file(path));
     let mut samples = Photometry { time: times.time, notes: times.notes, ..Photometry::default() };
     samples.magnitude = numbers(column)?;
+    let note = super::without_signs_of_fluxes(table, column, &mut samples.magnitude);
+    samples.notes.extend(note);
     if let Some(name) = names.sigma_of(table, of_flux) {
         columns.push(("standard uncertainty", name.to_owned()));
         samples.sigma_mag = Some(numbers(name)?);
@@ -165,7 +167,7 @@ fn of_table(
         Some(found)
     };
     samples.session = words("session", &["session"]);
-    samples.filter = words("filter", &["filter", "filt", "band"]);
+    samples.filter = super::filter_column(table).and_then(|name| words("filter", &[name]));
     let used: Vec<&String> = columns.iter().map(|(_, name)| name).collect();
     let unused = all.iter().filter(|n| !used.iter().any(|u| u.as_str() == **n));
     let unused = unused.map(|n| (*n).to_owned()).collect();

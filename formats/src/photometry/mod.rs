@@ -22,6 +22,7 @@ mod xml;
 
 pub use columns::{
     ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, column_times, exposures,
+    filter_column, without_signs_of_fluxes,
 };
 pub use import::{Import, ImportError, import};
 pub use missing::without_words_for_none;
@@ -350,9 +351,9 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         let wrong = |found: String, expected: &str| {
             ParseError::new(path, found, expected).at_line(number as u64 + 1)
         };
-        if fields.len() < 10 {
-            let expected =
-                "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, track";
+        // Files of one track have no number of it.
+        if fields.len() < 9 {
+            let expected = "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, and the track where there are several";
             return Err(wrong(format!("{} fields", fields.len()), expected));
         }
         let value = |k: usize, what: &str| {

@@ -1,13 +1,13 @@
 //! Objects that the rows of a table are of.
 
-use super::columns::find;
+use super::columns::{filter_column, find};
 use super::texts;
 use crate::Table;
 use crate::text::counted;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Columns that say which object a row is of.
-const OBJECTS: [&str; 10] = [
+const OBJECTS: [&str; 25] = [
     "object",
     "object_name",
     "objname",
@@ -18,7 +18,25 @@ const OBJECTS: [&str; 10] = [
     "norad",
     "norad_id",
     "norad_cat_id",
+    // Catalogues and surveys: AAVSO, CRTS, Gaia, ASAS-SN, TESS, Kepler.
+    "star name",
+    "star_name",
+    "starname",
+    "star",
+    "objectid",
+    "object_id",
+    "obj_id",
+    "source_id",
+    "masterid",
+    "asas_sn_id",
+    "tic",
+    "ticid",
+    "tic_id",
+    "kic",
+    "kepid",
 ];
+/// Columns that say it only where their values come again: else they number the rows.
+const PERHAPS: [&str; 3] = ["name", "id", "oid"];
 /// Objects that a refusal names at most.
 const MOST_NAMED: usize = 12;
 
@@ -71,6 +89,18 @@ fn listed(objects: &[(String, usize)]) -> String {
     text
 }
 
+/// A column of this name whose values come again, and are not one for each filter: a survey may number a star's light in each.
+fn of_objects<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
+    let column = find(table, name)?;
+    let count = |column: &str| {
+        texts(table, column).map(|all| all.into_iter().collect::<BTreeSet<_>>().len())
+    };
+    let (values, rows) = (count(column)?, table.rows());
+    let filters = filter_column(table).and_then(count).unwrap_or(1);
+    let is_one = values == 1 && name == "name";
+    (2 * values <= rows && (is_one || values > filters)).then_some(column)
+}
+
 /// Rows that are taken of a table.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TakenRows {
@@ -87,6 +117,7 @@ impl ObjectRows {
     /// Several objects, of which none is asked for; an object that no row names.
     pub fn of_table(&self, table: &Table) -> Result<TakenRows, ObjectsError> {
         let column = OBJECTS.iter().find_map(|name| find(table, name));
+        let column = column.or_else(|| PERHAPS.iter().find_map(|name| of_objects(table, name)));
         let Some((column, all)) = column.and_then(|column| Some((column, texts(table, column)?)))
         else {
             return match self {

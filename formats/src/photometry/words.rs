@@ -12,6 +12,8 @@ use std::path::Path;
 
 /// Metadata of a table: notes on rows and cells that could not be read.
 pub(super) const READING_NOTES: &str = "reading_notes";
+/// Metadata of a table: the zone of its times, as a comment says.
+pub(super) const TIME_ZONE: &str = "time_zone";
 /// Begins of lines that are notes.
 const NOTES: [char; 3] = ['#', '%', '!'];
 /// Columns of names: numbers among them make them no column of numbers.
@@ -184,8 +186,9 @@ impl<'a> Aavso<'a> {
 /// # Errors
 /// Rows of numbers without names; most rows with another number of words than there are names.
 pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), ParseError> {
-    let lines =
-        || text.lines().enumerate().map(|(i, l)| (i, l.trim())).filter(|(_, l)| !l.is_empty());
+    let lines = || {
+        text.lines().enumerate().map(|(i, l)| (i, trimmed(l))).filter(|(_, l)| !l.trim().is_empty())
+    };
     let Some((first, row)) = lines().find(|(_, l)| !l.starts_with(NOTES)) else {
         return Err(ParseError::new(path, "no line", "names of columns, then rows"));
     };
@@ -277,6 +280,10 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
     }
     let mut table = Table { columns, ..Table::default() };
     cells.without_untimed(&mut table);
+    let zone = text.lines().map(str::trim).filter(|l| l.starts_with(NOTES)).find_map(zone_of);
+    if let Some(zone) = zone {
+        table.meta.insert(TIME_ZONE.into(), zone.into());
+    }
     if aavso.is_some()
         && let Ok(Values::Text(kinds)) = table.column("MTYPE").map(|c| &c.values)
         && kinds.iter().flatten().any(|k| k.eq_ignore_ascii_case("DIF"))
@@ -292,6 +299,24 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
         (None, Between::Character(_)) => "CSV",
     };
     Ok((name, table))
+}
+
+/// A line without blanks at its ends. A tab there stands beside an empty field.
+fn trimmed(line: &str) -> &str {
+    match line.trim().contains('\t') {
+        true => line.trim_matches(|c: char| c.is_whitespace() && c != '\t'),
+        false => line.trim(),
+    }
+}
+
+/// The zone that a comment says: `# Time zone: CET`.
+fn zone_of(comment: &str) -> Option<String> {
+    let lower = comment.to_ascii_lowercase();
+    let at = ["time zone", "timezone", "time_zone"]
+        .iter()
+        .find_map(|key| lower.find(key).map(|at| at + key.len()))?;
+    let value = comment.get(at..)?.trim_start().strip_prefix([':', '='])?.trim();
+    (!value.is_empty() && value.len() < 40).then(|| value.to_owned())
 }
 
 /// Whether a word is a date without a time of day.
@@ -311,6 +336,8 @@ fn fitted(mut fields: Vec<String>, names: usize) -> Vec<String> {
     }
     if fields.last().is_some_and(String::is_empty) {
         fields.pop();
+    } else if fields.first().is_some_and(String::is_empty) {
+        fields.remove(0);
     } else if let Some(i) = (0..names).find(|&i| is_date(&fields[i]) && is_clock(&fields[i + 1])) {
         let clock = fields.remove(i + 1);
         fields[i] = format!("{}T{clock}", fields[i]);

@@ -247,6 +247,7 @@ impl CurveFile {
         let (times, mut notes) = (read.time, read.notes);
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let mut magnitudes = table.f64(name)?.into_owned();
+        notes.extend(photometry::without_signs_of_fluxes(&table, name, &mut magnitudes));
         let range_km = column("range_km")
             .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()))
             .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
@@ -731,7 +732,8 @@ fn labels(table: &Table) -> Option<Vec<Label>> {
         let found = names.iter().find_map(|w| all().find(|n| n.eq_ignore_ascii_case(w)));
         texts(table, found?)
     };
-    let (session, filter) = (any(&["session"]), any(&["filter", "band"]));
+    let filter = photometry::filter_column(table).and_then(|name| texts(table, name));
+    let session = any(&["session"]);
     if session.is_none() && filter.is_none() {
         return None;
     }
