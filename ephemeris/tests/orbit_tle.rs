@@ -121,8 +121,8 @@ fn what_is_wrong_is_named_with_its_line_and_columns() {
         "t.tle:1: found 68 columns, expected 69 columns (the last column, the checksum, is missing)",
     );
     refused(
-        &lines(LINE_1, &format!("{LINE_2} 0.0 1440.0")),
-        "t.tle:2: found 80 columns, expected 69 columns (nothing may follow the checksum in column 69)",
+        &lines(LINE_1, &format!("{LINE_2}0.0 1440.0")),
+        "t.tle:2: found 79 columns, expected 69 columns (nothing may follow the checksum in column 69)",
     );
     refused(
         &lines(&LINE_1.replace("U 98067A  ", "U 98067A "), LINE_2),
@@ -386,4 +386,14 @@ fn a_number_is_never_a_part_of_a_name() {
         );
     }
     assert_eq!(choose(&tles, Some("starlink"), None).unwrap().norad_id, tles[0].norad_id);
+}
+
+/// The file of Vallado et al. (2006) has times behind its lines 2. Truth: the same lines cut to 69 columns by hand.
+#[test]
+fn remarks_behind_the_checksum_are_passed_over() {
+    let plain = parse("t.tle", &format!("{LINE_1}\n{LINE_2}\n")).unwrap();
+    let remarked = format!("{LINE_1} a\n{LINE_2}      0.0      4320.0        360.00\r\n");
+    let [a, b] = [plain, parse("t.tle", &remarked).unwrap()];
+    assert_eq!(a.len(), 1);
+    assert_eq!(format!("{a:?}"), format!("{b:?}"));
 }

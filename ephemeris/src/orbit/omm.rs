@@ -400,7 +400,7 @@ fn set(source: Source<'_>, message: &Message<'_>) -> Result<Tle, ParseError> {
     message.must_be(source, "CENTER_NAME", &["EARTH"])?;
     message.must_be(source, "REF_FRAME", &["TEME", "TEMEOFDATE"])?;
     message.must_be(source, "TIME_SYSTEM", &["UTC"])?;
-    message.must_be(source, "MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4", "SGP4/SDP4"])?;
+    message.must_be(source, "MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4", "SGP4/SDP4", "TLE"])?;
     message.must_be(source, "EPHEMERIS_TYPE", &["0", "2", "3", "SGP4"])?;
     let of = |key, expected, good: &dyn Fn(f64) -> bool| {
         number(source, message.required(source, key)?, expected, good)

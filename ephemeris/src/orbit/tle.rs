@@ -354,6 +354,17 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
+    /// The line without what stands behind its checksum and a blank: the file that verifies programs of SGP4 (Vallado et al. 2006) has times there.
+    fn without_remark(self) -> Self {
+        let is_elements = self.is(b'1') || self.is(b'2');
+        match self.text.split_at_checked(LENGTH) {
+            Some((elements, rest)) if is_elements && rest.starts_with(' ') => {
+                Self { text: elements, ..self }
+            }
+            _ => self,
+        }
+    }
+
     /// Whether it looks like the line 1 or 2 of a set, however damaged.
     fn is(&self, which: u8) -> bool {
         let bytes = self.text.as_bytes();
@@ -375,7 +386,8 @@ impl<'a> Scanner<'a> {
         self.lines.by_ref().find_map(|(index, text)| {
             let text = text.trim_end();
             let passed_over = text.is_empty() || text.starts_with('#');
-            (!passed_over).then_some(Line { text, number: index as u64 + 1 })
+            let line = Line { text, number: index as u64 + 1 };
+            (!passed_over).then(|| line.without_remark())
         })
     }
 
