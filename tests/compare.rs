@@ -57,6 +57,35 @@ fn folder(name: &str, step_s: f64) -> (Folder, LightCurve) {
 
 const COMPARE: [&str; 3] = ["compare", "measured.ecsv", "pass.toml"];
 
+/// A curve of another satellite, and one in kHz. Truth: the numbers that are put in: the scene's orbit is that of 25544. With the same elements, and in Hz, nothing is said.
+#[test]
+fn another_object_or_unit_is_told() {
+    let (folder, curve) = folder("compare-other", 20.0);
+    let lines = |id: &str| {
+        let line = |text: &str| {
+            let sum: u32 =
+                text.chars().map(|c| c.to_digit(10).unwrap_or(u32::from(c == '-'))).sum();
+            format!("{text}{}", sum % 10)
+        };
+        let first = format!("1 {id}U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  292");
+        let second = format!("2 {id}  51.6416 247.4627 0006703 130.5360 325.0288 15.7212539156353");
+        json!({"name": "made up", "kind": "satellite", "tle": [line(&first), line(&second)]})
+    };
+    for (id, factor, told) in
+        [("25544", 1.0, ""), ("99003", 1.0, "object 99003"), ("25544", 1e-4, "e-5 times")]
+    {
+        let mut curve = curve.clone();
+        curve.other.insert("target".into(), lines(id));
+        for channel in &mut curve.channels {
+            channel.rate_hz.iter_mut().chain(&mut channel.sigma_hz).for_each(|v| *v *= factor);
+        }
+        write(&folder.path("measured.ecsv"), &curve);
+        let warnings = folder.json(&[&COMPARE[..], &["--json"]].concat())["warnings"].to_string();
+        let said = ["object 99003", "e-5 times"].map(|words| warnings.contains(words));
+        assert_eq!(said, [told == "object 99003", told == "e-5 times"], "{warnings}");
+    }
+}
+
 /// Truth: the scale, the noise and the covariance of κ that were put in. Tolerance: three of the stated uncertainties; 15 % of the noise.
 #[test]
 fn what_was_put_in_is_found() {

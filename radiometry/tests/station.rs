@@ -356,6 +356,12 @@ fn wrong_files_are_refused_with_file_line_and_field() {
             "telescope.obstruction_diameter_m: found 1.2, expected less than primary_diameter_m = 1",
         ),
         (
+            "primary_diameter_m = 1",
+            "primary_diameter_m = 300",
+            "telescope.primary_diameter_m: found 300, expected metres, at most 40",
+        ),
+        ("focal_length_m = ", "focal_length_m = 100", "0.3 to 300 times the diameter of 1 m"),
+        (
             "efficiency = \"efficiency.csv\"",
             "efficiency = \"nowhere.csv\"",
             "station.toml:20: channel[0].efficiency: found \"nowhere.csv\", expected a curve that can be read",

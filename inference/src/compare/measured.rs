@@ -5,6 +5,7 @@ use crate::measured::of_v;
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
+use sunglint_ephemeris::orbit::{Orbit, tle};
 use sunglint_formats::Table;
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_radiometry::light_curve::published::{
@@ -72,6 +73,8 @@ pub struct MeasuredPass {
     pub kappa: Option<Kappa>,
     /// The target's name as the file has it; may be empty.
     pub target: String,
+    /// The target's catalogue number, where the file has its elements.
+    pub norad_id: Option<u32>,
     /// The station's.
     pub station: String,
     /// Input files of the pass.
@@ -104,7 +107,7 @@ impl MeasuredPass {
         if !scene.observations.is_empty() && options.rows == ObjectRows::One {
             options.rows = ObjectRows::All;
         }
-        let measured = match CurveFile::read(path, bytes, &options)? {
+        let mut measured = match CurveFile::read(path, bytes, &options)? {
             CurveFile::Magnitudes(read) => Self::magnitudes(path, input, *read, options.kind)?,
             CurveFile::Rates(table) => {
                 let mut measured = Self::rates(path, input, &table)?;
@@ -114,10 +117,26 @@ impl MeasuredPass {
             }
         };
         measured.exposures()?;
+        measured.warnings.extend(measured.another_object(scene));
         sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
             CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
         })?;
         Ok(measured)
+    }
+
+    /// The warning that the file and the scene name two objects, where both have a catalogue number.
+    fn another_object(&self, scene: &Pass) -> Option<String> {
+        let Orbit::Tle(orbit) = &scene.orbit else { return None };
+        let simulated = orbit.tle().norad_id;
+        let is_number = |text: &&str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+        let named = || Some(self.target.trim()).filter(is_number)?.parse::<u32>().ok();
+        let measured = self.norad_id.or_else(named)?;
+        (measured != simulated).then(|| {
+            format!(
+                "{}: the light is that of the object {measured}, the scene's orbit is that of {simulated}",
+                self.path.display()
+            )
+        })
     }
 
     /// Puts the samples in the order of time; those of one moment in the order of their values, so that the order of a file's rows never matters.
@@ -187,6 +206,12 @@ impl MeasuredPass {
             return Err(CompareError::NotCalibrated { path: path.to_path_buf(), kind: curve.kind });
         }
         let kappa = curve.other.get("kappa").and_then(Kappa::of);
+        let elements = curve.other.get("target").and_then(|target| target.get("tle")?.as_array());
+        let norad_id = elements.and_then(|lines| {
+            let lines: Option<Vec<&str>> = lines.iter().map(|line| line.as_str()).collect();
+            let sets = tle::parse("target", &lines?.join("\n")).ok()?;
+            Some(sets.first()?.norad_id)
+        });
         let named = || curve.other.get("target")?.get("name")?.as_str().map(str::to_owned);
         let own = Some(curve.provenance.target.clone()).filter(|t| !t.is_empty());
         Ok(Self {
@@ -195,6 +220,7 @@ impl MeasuredPass {
             quantity: Quantity::Rate,
             kappa,
             target: own.or_else(named).unwrap_or_default(),
+            norad_id,
             station: curve.provenance.station.clone(),
             inputs: curve.provenance.inputs.clone(),
             notes: curve.provenance.notes.clone(),
@@ -241,6 +267,7 @@ impl MeasuredPass {
             channels: vec![MeasuredChannel { name: read.column, value: read.flux, sigma, flags }],
             kappa: None,
             target: read.target,
+            norad_id: None,
             station: String::new(),
             inputs: Vec::new(),
             notes: Vec::new(),

@@ -51,6 +51,9 @@ use sunglint_simulator::pass::file::MOST_SAMPLES;
 use sunglint_simulator::pass::{Cost, Stopwatch};
 use sunglint_simulator::pass::{ExposureMeans, MaterialDoubt, Pass, Simulation};
 
+/// A ratio of measured to simulated light beyond which, or below the inverse of which, no albedo or attitude explains it.
+const ABSURD: f64 = 1000.0;
+
 /// Stretches of a track in which ratios of channels are taken.
 const STRETCHES: usize = 60;
 /// Rows of a stretch at least.
@@ -439,6 +442,15 @@ fn warnings(
     }
     for channel in channels.iter().filter(|c| c.numbers.is_none() && c.samples > 0) {
         warnings.push(format!("{}: nothing to compare, {}", channel.name, channel.left_out));
+    }
+    for channel in channels {
+        let Some(scale) = channel.numbers.as_ref().map(|numbers| numbers.scale) else { continue };
+        if scale > 0.0 && !(1.0 / ABSURD..ABSURD).contains(&scale) {
+            warnings.push(format!(
+                "{}: the measured light is {scale:.2e} times the simulated: is a unit wrong (Hz, m and km, mm of a telescope), or a zero point, or the object?",
+                channel.name
+            ));
+        }
     }
     if means.beyond > 0 {
         warnings.push(format!(

@@ -195,6 +195,11 @@ fn site(document: &Document, file: &SiteFile) -> Result<Site, ParseError> {
     Site::new(geodetic).map_err(|e| document.error_at("site.height_m", e.to_string()))
 }
 
+/// Diameter of the largest telescope that is being built, m: ESO's ELT.
+const LARGEST_M: f64 = 40.0;
+/// Ratios of focal length to diameter that a telescope may have.
+const FOCAL_RATIOS: std::ops::RangeInclusive<f64> = 0.3..=300.0;
+
 fn telescope(document: &Document, file: &TelescopeFile) -> Result<Telescope, ParseError> {
     let telescope = Telescope {
         primary_diameter_m: file.primary_diameter_m.get(),
@@ -205,6 +210,17 @@ fn telescope(document: &Document, file: &TelescopeFile) -> Result<Telescope, Par
     if telescope.obstruction_diameter_m >= telescope.primary_diameter_m {
         let expected = format!("less than primary_diameter_m = {}", telescope.primary_diameter_m);
         return Err(document.error_at("telescope.obstruction_diameter_m", expected));
+    }
+    // Millimetres for metres would multiply the light by a million, without a word.
+    if telescope.primary_diameter_m > LARGEST_M {
+        let expected = format!("metres, at most {LARGEST_M}: 0.3 for 300 mm");
+        return Err(document.error_at("telescope.primary_diameter_m", expected));
+    }
+    let ratio = telescope.focal_length_m / telescope.primary_diameter_m;
+    if !FOCAL_RATIOS.contains(&ratio) {
+        let expected =
+            format!("metres, 0.3 to 300 times the diameter of {} m", telescope.primary_diameter_m);
+        return Err(document.error_at("telescope.focal_length_m", expected));
     }
     Ok(telescope)
 }
@@ -228,6 +244,11 @@ fn camera(
             return Err(document.error_at("camera", "pixel_scale_arcsec or pixel_size_um"));
         }
     };
+    // A pixel smaller than light's wavelength, or a centimetre wide: another unit.
+    if let Some(size) = file.pixel_size_um.filter(|size| !(0.3..=1000.0).contains(&size.get())) {
+        let expected = format!("micrometres, 0.3 to 1000, not {}", size.get());
+        return Err(document.error_at("camera.pixel_size_um", expected));
+    }
     for (key, value) in [("camera.width_px", file.width_px), ("camera.height_px", file.height_px)] {
         if value == 0 {
             return Err(document.error_at(key, "at least 1 pixel"));
