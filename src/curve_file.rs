@@ -37,6 +37,9 @@ impl From<ComparedAs> for MagnitudeKind {
 /// Which column has the times, and in which scale.
 #[derive(Debug, Clone, Default, Args)]
 pub struct TimeColumn {
+    /// Of a text without a line of names: the names of its columns, such as jd_utc,magnitude,sigma_mag
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub columns: Vec<String>,
     /// Of a table: the column of times [default: time_utc, or one called jd…, mjd…, bjd…]
     #[arg(long, value_name = "NAME")]
     pub time_column: Option<String>,
@@ -83,6 +86,7 @@ pub enum TimeScale {
 impl TimeColumn {
     /// Puts what was asked for into the names of columns.
     pub fn put_into(&self, names: &mut ColumnNames) {
+        names.all.clone_from(&self.columns);
         names.time.clone_from(&self.time_column);
         names.scale = self.time_scale.map(|scale| match scale {
             TimeScale::Utc => Scale::Utc,

@@ -769,6 +769,26 @@ mod made_by_others {
         assert!(!read_as(text.as_bytes(), &asked).unwrap().of_flux);
     }
 
+    /// A text without a line of names. Truth: the module's.
+    #[test]
+    fn names_may_be_given() {
+        let text = "# a survey\n2460375.25 7.25 0.01\n2460375.250023148 7.5 0.01\n";
+        assert!(read(text).unwrap_err().contains("--columns"), "{:?}", read(text));
+        let named =
+            |columns: &str| names(|n| n.all = columns.split(',').map(str::to_owned).collect());
+        let found = read_as(text.as_bytes(), &named("jd_utc,mag,sigma_mag")).unwrap();
+        holds(&found, 3);
+        assert_eq!(found.samples.sigma_mag.unwrap(), [0.01, 0.01]);
+        for (text, columns, words) in [
+            (text, "jd_utc,mag", "3 values"),
+            ("jd_utc,mag\n2460375.25,7.25\n", "jd_utc,mag", "without a line of names"),
+            (ALCDEF, "jd_utc,mag", "leave out --columns"),
+        ] {
+            let refused = read_as(text.as_bytes(), &named(columns)).unwrap_err();
+            assert!(refused.contains(words), "{refused}");
+        }
+    }
+
     /// Truth: the words of the names: none of these times is UTC. Behind an offset, or with a scale that is told, the same are taken.
     #[test]
     fn local_times_are_not_utc() {

@@ -232,6 +232,8 @@ impl Kind {
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ColumnNames {
+    /// Names of the columns of a text that has no line of names, in order; empty for one that has.
+    pub all: Vec<String>,
     /// The column of times.
     pub time: Option<String>,
     /// The scale of times whose column does not name it; it also says of times called local which they really are.

@@ -1,7 +1,7 @@
 //! What a file of photometry says, as far as it is understood.
 
 use super::columns::find;
-use super::{ColumnNames, ObjectRows, ObjectsError, Photometry, Source, open, texts};
+use super::{ColumnNames, ObjectRows, ObjectsError, Photometry, Source, open_named, texts};
 use crate::text::counted;
 use crate::{ParseError, Table};
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ pub enum ImportError {
 /// Reads a file of photometry and tells what was taken for what. Numbers that stand for a missing magnitude are none.
 ///
 /// # Errors
-/// The errors of [`open`] and [`super::column_times`]; a table without times, or without magnitudes and fluxes; rows of several objects, unless `rows` says which are taken.
+/// The errors of [`open_named`] and [`super::column_times`]; a table without times, or without magnitudes and fluxes; rows of several objects, unless `rows` says which are taken.
 pub fn import(
     path: impl AsRef<Path>,
     bytes: Vec<u8>,
@@ -51,7 +51,7 @@ pub fn import(
 ) -> Result<Import, ImportError> {
     let path = path.as_ref();
     let objects = |why| ImportError::Objects { path: path.to_path_buf(), why };
-    let mut import = match open(path, bytes)? {
+    let mut import = match open_named(path, bytes, &names.all)? {
         Source::Samples(format, samples) => {
             rows.of_target(&samples.target).map_err(objects)?;
             Import {

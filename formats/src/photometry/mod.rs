@@ -197,8 +197,20 @@ pub enum Source {
 /// # Errors
 /// Bytes that are none of these; what a format does not allow, with its place; a table without a row.
 pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError> {
+    open_named(path, bytes, &[])
+}
+
+/// The same with names for the columns of a text without a line of names; none: such a text is refused.
+///
+/// # Errors
+/// The errors of [`open`]; another number of names than the rows have values; names for a file that has its own.
+pub fn open_named(
+    path: impl AsRef<Path>,
+    bytes: Vec<u8>,
+    columns: &[String],
+) -> Result<Source, ParseError> {
     let path = path.as_ref();
-    let source = opened(path, bytes)?;
+    let source = opened(path, bytes, columns)?;
     match &source {
         // A light curve of our own without samples is refused by those who need some.
         Source::Table(name, table) if table.rows() == 0 && !table.meta.contains_key("quantity") => {
@@ -210,7 +222,21 @@ pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError
     }
 }
 
-fn opened(path: &Path, bytes: Vec<u8>) -> Result<Source, ParseError> {
+fn opened(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
+    let source = read_source(path, bytes, columns)?;
+    match &source {
+        Source::Table(words::CSV | words::TEXT, _) => {}
+        _ if !columns.is_empty() => {
+            let found = "a format whose columns have names";
+            let error = ParseError::new(path, found, "a text without a line of names");
+            return Err(error.with_hint("leave out --columns"));
+        }
+        _ => {}
+    }
+    Ok(source)
+}
+
+fn read_source(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
     let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
     let bytes = crate::fits::inflate(path, bytes, most)?;
     if bytes.starts_with(b"SIMPLE  =") {
@@ -239,7 +265,7 @@ fn opened(path: &Path, bytes: Vec<u8>) -> Result<Source, ParseError> {
         }
         return Ok(Source::Table("ECSV", Box::new(table)));
     }
-    let (name, mut table) = words::read(path, &text)?;
+    let (name, mut table) = words::read(path, &text, columns)?;
     if let Some(note) = note {
         let notes =
             table.meta.entry(words::READING_NOTES).or_insert_with(|| Vec::<String>::new().into());

@@ -14,6 +14,9 @@ use std::path::Path;
 pub(super) const READING_NOTES: &str = "reading_notes";
 /// Metadata of a table: the zone of its times, as a comment says.
 pub(super) const TIME_ZONE: &str = "time_zone";
+/// Words for tables between blanks or tabs, and between other characters.
+pub(super) const TEXT: &str = "text";
+pub(super) const CSV: &str = "CSV";
 /// Begins of lines that are notes.
 const NOTES: [char; 3] = ['#', '%', '!'];
 /// Columns of names: numbers among them make them no column of numbers.
@@ -184,8 +187,12 @@ impl<'a> Aavso<'a> {
 /// A table of a text.
 ///
 /// # Errors
-/// Rows of numbers without names; most rows with another number of words than there are names.
-pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), ParseError> {
+/// Rows of numbers without names, unless some are given; names that are given beside those of the file; most rows with another number of words than there are names.
+pub(super) fn read(
+    path: &Path,
+    text: &str,
+    given: &[String],
+) -> Result<(&'static str, Table), ParseError> {
     let lines = || {
         text.lines().enumerate().map(|(i, l)| (i, trimmed(l))).filter(|(_, l)| !l.trim().is_empty())
     };
@@ -208,7 +215,21 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
             first_words = between.words(row);
         }
     }
-    let names = if has_names {
+    if !given.is_empty() && (has_names || aavso.is_some() || given.len() != first_words.len()) {
+        let found = match has_names || aavso.is_some() {
+            true => format!("the names `{}`", shortened(row)),
+            false => counted(first_words.len(), "value"),
+        };
+        let expected =
+            format!("rows of {}, without a line of names", counted(given.len(), "value"));
+        let error = ParseError::new(path, found, expected).at_line(first as u64 + 1);
+        return Err(error.with_hint(
+            "--columns gives a name for each column of a text that has no line of names",
+        ));
+    }
+    let names = if !given.is_empty() {
+        given.to_vec()
+    } else if has_names {
         first_words
     } else {
         let comment =
@@ -221,7 +242,7 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
                 let found = format!("`{}`", shortened(row));
                 let error = ParseError::new(path, found, "names of the columns in the first line");
                 return Err(error.at_line(first as u64 + 1).with_hint(
-                    "put a line such as `jd_utc magnitude sigma_mag` before the numbers, with as many names as columns",
+                    "--columns jd_utc,magnitude,sigma_mag gives the names, as many as columns, or such a line before the numbers does",
                 ));
             }
         }
@@ -295,8 +316,8 @@ pub(super) fn read(path: &Path, text: &str) -> Result<(&'static str, Table), Par
     }
     let name = match (&aavso, between) {
         (Some(_), _) => "AAVSO",
-        (None, Between::Blanks | Between::Character('\t')) => "text",
-        (None, Between::Character(_)) => "CSV",
+        (None, Between::Blanks | Between::Character('\t')) => TEXT,
+        (None, Between::Character(_)) => CSV,
     };
     Ok((name, table))
 }

@@ -214,7 +214,7 @@ impl CurveFile {
     ) -> Result<Self, PublishedError> {
         options.check(path)?;
         let objects = |why| PublishedError::Objects { path: path.to_path_buf(), why };
-        let table = match photometry::open(path, bytes)? {
+        let table = match photometry::open_named(path, bytes, &options.columns.all)? {
             Source::Samples(format, read) => {
                 options.rows.of_target(&read.target).map_err(objects)?;
                 let mut brightness = Brightness::of_photometry(path, *read, options)?;
