@@ -188,9 +188,9 @@ struct Placed {
     value: f64,
 }
 
-/// The nearest number with few decimals to a group's middle.
-fn shortest(least: f64, most: f64) -> f64 {
-    let (middle, half) = (0.5 * (least + most), (0.5 * (most - least)).max(5e-7));
+/// The nearest number with few decimals to a group's middle, which is known to half its width, or to `doubt`.
+fn shortest(least: f64, most: f64, doubt: f64) -> f64 {
+    let (middle, half) = (0.5 * (least + most), (0.5 * (most - least)).max(doubt));
     let rounded = |decimals: i32| {
         let unit = 10.0_f64.powi(decimals);
         (middle * unit).round() / unit
@@ -223,7 +223,7 @@ impl Grid {
         if let Some(first) = ends.first_mut().filter(|(_, last)| *last <= tolerance_deg) {
             first.0 = -first.1;
         }
-        let radial_deg: Vec<f64> = ends.iter().map(|(a, b)| shortest(*a, *b)).collect();
+        let radial_deg: Vec<f64> = ends.iter().map(|(a, b)| shortest(*a, *b, 5e-7)).collect();
         let radial_of = |r: f64| ends.partition_point(|(_, last)| *last < r);
         // Far from the mirrored ray an azimuth is known best: those there say which there are.
         let mut order: Vec<&Placed> = placed.iter().collect();
@@ -268,7 +268,8 @@ impl Grid {
             *sum = (sum.0 + p.value, sum.1 + 1.0);
         }
         let cells = sums.into_iter().map(|(key, (sum, count))| (key, sum / count)).collect();
-        let azimuth_deg = azimuths.iter().map(|(a, b)| shortest(*a, *b)).collect();
+        let doubt = tolerance_deg.max(2e-6);
+        let azimuth_deg = azimuths.iter().map(|(a, b)| shortest(*a, *b, doubt)).collect();
         Self { azimuth_deg, radial_deg, cells }
     }
 

@@ -31,11 +31,12 @@ impl std::fmt::Display for FlatTop {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { value, from_nm, to_nm, all } = self;
         if *all {
-            write!(f, "all its values are {value}")?;
-        } else {
-            write!(f, "its largest value, {value}, stands from {from_nm:.1} to {to_nm:.1} nm")?;
+            return write!(f, "all its values are {value}: a saturated detector, or no recording");
         }
-        f.write_str(": the detector was saturated, as it seems; measure with less light or shorter exposures")
+        write!(
+            f,
+            "its largest value, {value}, stands from {from_nm:.1} to {to_nm:.1} nm: the detector was saturated, as it seems; measure with less light or shorter exposures"
+        )
     }
 }
 
