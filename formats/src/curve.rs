@@ -1,8 +1,10 @@
-//! Curves as CSV: a passband, a quantum efficiency, a filter transmission, as vendors' plots are digitised.
+//! Curves as CSV, and in layouts of refractiveindex.info and spectral libraries: a passband, a quantum efficiency, a filter transmission, as vendors' plots are digitised.
 //!
 //! The first column is the grid, any other may be the values: `wavelength_nm,transmission`. Lines that begin with `#`
-//! are notes. Wavelengths in `_um` and `_angstrom` become nanometres, `_percent` becomes a fraction, in the values and
+//! are notes. Wavelengths may decrease; they increase once they are read. Wavelengths in `_um` and `_angstrom` become nanometres, `_percent` becomes a fraction, in the values and
 //! in the names.
+
+mod foreign;
 
 use crate::error::{FileError, ParseError, excerpt, nearest_names};
 use std::path::Path;
@@ -58,13 +60,17 @@ pub fn read(path: impl AsRef<Path>, column: Option<&str>) -> Result<Curve, FileE
 ///
 /// # Errors
 /// A [`ParseError`] with line and column: no such column, a value that is no finite number, a grid that does not
-/// increase, a wrong number of fields, less than two rows.
+/// increase (or wavelengths that turn), a wrong number of fields, less than two rows, wavelengths above 100 µm throughout, a column
+/// in percent without a value above 1.
 pub fn read_str(
     path: impl AsRef<Path>,
     text: &str,
     column: Option<&str>,
 ) -> Result<Curve, ParseError> {
     let path = path.as_ref();
+    if let Some(found) = foreign::read(path, text, column) {
+        return found;
+    }
     let notes = text.lines().filter_map(|line| line.strip_prefix('#'));
     let notes = notes.map(|note| note.trim().to_owned()).collect();
     let mut rows = csv::ReaderBuilder::new()
@@ -79,7 +85,7 @@ pub fn read_str(
         Ok(more) => Ok(more.then(|| line_counter.line_of(record))),
         Err(error) => Err(ParseError::new(path, error.to_string(), "comma-separated values")),
     };
-    let Some(line) = next(&mut record)? else {
+    let Some(header) = next(&mut record)? else {
         return Err(ParseError::new(
             path,
             "no line",
@@ -87,12 +93,12 @@ pub fn read_str(
         ));
     };
     let names: Vec<String> = record.iter().map(str::to_owned).collect();
-    check_names(path, line, &names)?;
-    let index = value_column(path, line, &names, column)?;
+    check_names(path, header, &names)?;
+    let index = value_column(path, header, &names, column)?;
     let (x_name, x_factor) = converted(&names[0]);
     let (y_name, y_factor) = converted(&names[index]);
-    let mut curve =
-        Curve { x: Vec::new(), y: Vec::new(), x_name, y_name, notes, lines: Vec::new() };
+    let mut found = Rows::new(path, &names[0], x_name, y_name);
+    found.curve.notes = notes;
     while let Some(line) = next(&mut record)? {
         if record.len() != names.len() {
             let found = format!("{} fields", record.len());
@@ -109,24 +115,93 @@ pub fn read_str(
             })
         };
         let (x, y) = (number(0, x_factor)?, number(index, y_factor)?);
-        if let Some(&last) = curve.x.last()
-            && x <= last
-        {
-            let what = if x == last { "repeated" } else { "smaller" };
-            let found = format!("{}, {what} after the line before", &record[0]);
-            return Err(ParseError::new(path, found, "a grid that increases")
-                .at_line(line)
-                .in_field(&names[0]));
+        found.push(line, &record[0], x, y)?;
+    }
+    let curve = found.finish(x_factor)?;
+    let most = curve.y.iter().copied().fold(0.0, f64::max);
+    if let Some(stem) = without_percent(&names[index])
+        && most > 0.0
+        && most <= 0.01
+    {
+        let found = format!("no value above {} %", most * 100.0);
+        let error = ParseError::new(path, found, "percent").at_line(header).in_field(&names[index]);
+        return Err(error.with_hint(format!(
+            "if they are fractions, name it {stem}; if they are percent, divide them by 100 and name it {stem}, too"
+        )));
+    }
+    Ok(curve)
+}
+
+/// A curve as its rows come.
+struct Rows<'a> {
+    path: &'a Path,
+    /// The grid's name in the file.
+    name: &'a str,
+    curve: Curve,
+    /// Whether it goes down: libraries list wavelengths from long to short, too.
+    falling: bool,
+}
+
+impl<'a> Rows<'a> {
+    fn new(path: &'a Path, name: &'a str, x_name: String, y_name: String) -> Self {
+        let curve = Curve {
+            x: Vec::new(),
+            y: Vec::new(),
+            x_name,
+            y_name,
+            notes: Vec::new(),
+            lines: Vec::new(),
+        };
+        Self { path, name, curve, falling: false }
+    }
+
+    /// `shown` is `x` as the file has it.
+    fn push(&mut self, line: u64, shown: &str, x: f64, y: f64) -> Result<(), ParseError> {
+        let curve = &mut self.curve;
+        if let Some(&last) = curve.x.last() {
+            if curve.x.len() == 1 && curve.x_name.starts_with("wavelength") {
+                self.falling = x < last;
+            }
+            let (what, expected) = match (x == last, self.falling) {
+                (true, true) => ("repeated", "a grid that goes on decreasing"),
+                (true, false) => ("repeated", "a grid that increases"),
+                (false, true) => ("larger", "a grid that goes on decreasing"),
+                (false, false) => ("smaller", "a grid that increases"),
+            };
+            if x == last || (x < last) != self.falling {
+                let found = format!("{shown}, {what} after the line before");
+                let error = ParseError::new(self.path, found, expected);
+                return Err(error.at_line(line).in_field(self.name));
+            }
         }
         curve.x.push(x);
         curve.y.push(y);
         curve.lines.push(line);
+        Ok(())
     }
-    if curve.x.len() < 2 {
-        let found = format!("{} rows of values", curve.x.len());
-        return Err(ParseError::new(path, found, "at least 2 rows"));
+
+    fn finish(self, x_factor: Factor) -> Result<Curve, ParseError> {
+        let mut curve = self.curve;
+        if curve.x.len() < 2 {
+            let found = format!("{} rows of values", curve.x.len());
+            return Err(ParseError::new(self.path, found, "at least 2 rows"));
+        }
+        if self.falling {
+            curve.x.reverse();
+            curve.y.reverse();
+            curve.lines.reverse();
+        }
+        // No optics are tabulated beyond 100 µm only.
+        const FARTHEST_NM: f64 = 1e5;
+        if matches!(x_factor, Factor::Times(_)) && curve.x[0] >= FARTHEST_NM {
+            let (first, last) = (curve.x[0] / 1e3, curve.x[curve.x.len() - 1] / 1e3);
+            let found = format!("{first} to {last} µm");
+            let error = ParseError::new(self.path, found, "wavelengths in micrometres");
+            let hint = "if they are in nanometres, name the column wavelength_nm";
+            return Err(error.in_field(self.name).with_hint(hint));
+        }
+        Ok(curve)
     }
-    Ok(curve)
 }
 
 /// Counts lines from record to record, so that a long file is counted once.
@@ -198,7 +273,11 @@ fn value_column(
             .with_hint(format!("the columns are {}", list())));
     };
     let is_it = |name: &String| name == wanted || converted(name).0 == wanted;
-    if let Some(index) = names[1..].iter().position(is_it) {
+    let is_alike = |name: &String| {
+        name.eq_ignore_ascii_case(wanted) || converted(name).0.eq_ignore_ascii_case(wanted)
+    };
+    let mut values = names[1..].iter();
+    if let Some(index) = values.clone().position(is_it).or_else(|| values.position(is_alike)) {
         return Ok(index + 1);
     }
     let error = ParseError::new(path, "no such column", format!("one of {}", list()))
@@ -232,18 +311,27 @@ impl Factor {
 
 /// The name that a column has here, and the conversion to it.
 fn converted(name: &str) -> (String, Factor) {
-    if name.starts_with("wavelength") {
-        if let Some(stem) = name.strip_suffix("_um") {
+    let lower = name.to_lowercase();
+    if lower.starts_with("wavelength") {
+        if let Some(stem) = lower.strip_suffix("_um") {
             return (format!("{stem}_nm"), Factor::Times(1000.0));
         }
-        if let Some(stem) = name.strip_suffix("_angstrom") {
+        if let Some(stem) = lower.strip_suffix("_angstrom") {
             return (format!("{stem}_nm"), Factor::Over(10.0));
         }
+        return (lower, Factor::One);
     }
-    if let Some(stem) = name.strip_suffix("_percent") {
-        return (stem.to_owned(), Factor::Over(100.0));
+    match without_percent(name) {
+        Some(stem) => (stem.to_owned(), Factor::Over(100.0)),
+        None => (name.to_owned(), Factor::One),
     }
-    (name.to_owned(), Factor::One)
+}
+
+/// The name of a column in percent, without that.
+fn without_percent(name: &str) -> Option<&str> {
+    const PERCENT: &str = "_percent";
+    let (stem, end) = name.split_at_checked(name.len().checked_sub(PERCENT.len())?)?;
+    end.eq_ignore_ascii_case(PERCENT).then_some(stem)
 }
 
 #[cfg(test)]
@@ -286,6 +374,93 @@ mod tests {
         assert_eq!(curve.line(199_999), 200_001);
     }
 
+    /// Truth: the numbers of the text, of which µm are a thousand times as many nm (synthetic).
+    #[test]
+    fn wavelengths_may_decrease_and_names_may_be_written_large() {
+        let text = "Wavelength_um,QE_Percent,note\n1.24,80,1\n0.6,70,2\n0.3,60,3\n";
+        let curve = read_str("f.csv", text, Some("qe")).unwrap();
+        assert_eq!((&*curve.x, &*curve.y), (&[300.0, 600.0, 1240.0][..], &[0.6, 0.7, 0.8][..]));
+        assert_eq!((curve.line(0), curve.line(2)), (4, 2));
+        assert_eq!((&*curve.x_name, &*curve.y_name), ("wavelength_nm", "QE"));
+        let message = |text: &str| read_str("f.csv", text, None).unwrap_err().to_string();
+        assert!(
+            message("wavelength_nm,a\n3,1\n2,1\n2,1\n")
+                .contains(":4: wavelength_nm: found 2, repeated")
+        );
+        assert!(
+            message("wavelength_nm,a\n3,1\n2,1\n2.5,1\n")
+                .contains(":4: wavelength_nm: found 2.5, larger")
+        );
+        assert!(message("measured_hz,true_hz\n3,3\n2,2\n").contains("a grid that increases"));
+    }
+
+    #[test]
+    fn units_that_cannot_be_are_refused_with_the_way_out() {
+        let message = |text: &str| read_str("f.csv", text, None).unwrap_err().to_string();
+        let said = message("wavelength_um,efficiency\n400,0.4\n1000,0.2\n");
+        assert!(
+            said.contains("400 to 1000 µm") && said.contains("name the column wavelength_nm"),
+            "{said}"
+        );
+        let said = message("wavelength_nm,qe_percent\n400,0.4\n1000,1\n");
+        assert!(said.contains("f.csv:1: qe_percent") && said.contains("name it qe"), "{said}");
+        // Infrared optics, a curve of which a part is black, one that is 0.
+        for text in [
+            "wavelength_um,n\n0.3,1\n30,2\n",
+            "wavelength_um,n\n20,1\n99,2\n",
+            "wavelength_nm,qe_percent\n400,0.4\n500,1.1\n",
+            "wavelength_nm,qe_percent\n400,0\n500,0\n",
+        ] {
+            read_str("f.csv", text, None).unwrap();
+        }
+    }
+
+    /// Truth: the numbers of the texts, written by hand in the layouts of refractiveindex.info (synthetic).
+    #[test]
+    fn indices_of_refractiveindex_info() {
+        let yaml = "REFERENCES: |\n    1) x\nDATA:\n  - type: tabulated nk\n    data: |\n        0.3 0.5 3.5\n        0.5 0.75 4\nSPECS:\n    film: yes\n";
+        let two = "DATA:\n  - type: tabulated n\n    data: |\n        0.3 0.5\n        0.5 0.75\n  - type: tabulated k\n    data: |\n        0.3 3.5\n        0.5 4\n";
+        let export = "wl,n\n0.3,0.5\n0.5,0.75\n\nwl,k\n0.3,3.5\n0.5,4\n";
+        let (tabs, old) = (
+            "wl\tn\tk\n0.3\t0.5\t3.5\n0.5\t0.75\t4\n",
+            "\"Wavelength, µm\",n,k\n0.3,0.5,3.5\n0.5,0.75,4\n",
+        );
+        for text in [yaml, two, export, tabs, old, &old.replace('"', "")] {
+            for (name, values) in [("n", [0.5, 0.75]), ("k", [3.5, 4.0])] {
+                let curve = read_str("x", text, Some(name)).unwrap();
+                assert_eq!((&*curve.x, &*curve.y), (&[300.0, 500.0][..], &values[..]), "{text}");
+                assert_eq!((&*curve.x_name, &*curve.y_name), ("wavelength_nm", name));
+            }
+        }
+        assert_eq!(read_str("x", yaml, Some("k")).unwrap().line(1), 7);
+        for (text, said) in [
+            (&*yaml.replace("tabulated nk", "formula 2"), "x:4: type: found `formula 2`"),
+            (&yaml.replace("0.5 0.75 4", "0.5 0.75"), "x:7: found `0.5 0.75`, expected 3 numbers"),
+            (&export.replace("0.5,4", "0.6,4"), "x:7: found k at other wavelengths than n"),
+            ("wl,n\n0.3,0.5\n0.5,0.75\n", "x: k: found no values of it"),
+            (&yaml.replace("0.5 0.75 4", "0.3 0.75 4"), "x:7: wavelength_um: found 0.3, repeated"),
+        ] {
+            let error = read_str("x", text, Some("k")).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    /// Truth: the numbers of the text, written by hand in the layouts of the libraries (synthetic).
+    #[test]
+    fn spectral_libraries() {
+        let text = "Name: Aluminum Metal\nType: manmade\nX Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\n\n 14.0000\t 95.0000\n 0.3000\t 65.0000\n";
+        let curve = read_str("x", text, Some("reflectance")).unwrap();
+        assert_eq!((&*curve.x, &*curve.y), (&[300.0, 14_000.0][..], &[0.65, 0.95][..]));
+        let error = read_str("x", &text.replace("Reflectance", "Emissivity"), None).unwrap_err();
+        assert!(error.to_string().contains("Y Units"), "{error}");
+        let text = " splib07a Record=1: Aluminum ASDFRa AREF\n -1.2300000e+34\n 5.0e-01\n";
+        let error = read_str("x", text, Some("reflectance")).unwrap_err().to_string();
+        assert!(
+            error.contains("USGS") && error.contains("wavelengths in a file of their own"),
+            "{error}"
+        );
+    }
+
     #[track_caller]
     fn refused(text: &str, column: Option<&str>, message: &str) {
         assert_eq!(read_str("f.csv", text, column).unwrap_err().to_string(), message);
@@ -311,9 +486,9 @@ mod tests {
             "f.csv:5: wavelength_nm: found `41O`, expected a finite number",
         );
         refused(
-            &with("390,0.2\n"),
+            &with("410,0.2\n390,0.2\n"),
             None,
-            "f.csv:5: wavelength_nm: found 390, smaller after the line before, expected a grid that increases",
+            "f.csv:6: wavelength_nm: found 390, smaller after the line before, expected a grid that increases",
         );
         refused(
             &with("\n400.0,0.2\n"),

@@ -36,6 +36,11 @@ pub fn is_merl(bytes: &[u8]) -> bool {
     cells(bytes).is_some_and(|c| bytes.len() == HEADER + 24 * c[0] * c[1] * c[2])
 }
 
+/// Returns true of bytes that begin as such a file does, however many they are.
+pub fn has_header(bytes: &[u8]) -> bool {
+    cells(bytes).is_some()
+}
+
 impl MerlBrdf {
     /// Reads a file from its bytes; `path` names it in errors.
     ///

@@ -28,11 +28,20 @@ pub struct UtiaBrdf {
 
 /// Returns true of as many bytes as such a file has. It has no header: the values must be numbers as reflection has them, too.
 pub fn is_utia(bytes: &[u8]) -> bool {
+    bytes.len() == BYTES && are_values(bytes)
+}
+
+/// Returns true of bytes that may be a part of such a file: a hundred values or more, and no text.
+pub fn may_be_cut(bytes: &[u8]) -> bool {
+    bytes.len() >= 800 && are_values(bytes) && std::str::from_utf8(bytes).is_err()
+}
+
+fn are_values(bytes: &[u8]) -> bool {
     let plausible = |b: &[u8; 8]| {
         let v = f64::from_le_bytes(*b);
         v.is_finite() && v.abs() < 1e6 && (v == 0.0 || v.abs() > 1e-30)
     };
-    bytes.len() == BYTES && bytes.as_chunks::<8>().0.iter().all(plausible)
+    bytes.as_chunks::<8>().0.iter().all(plausible)
 }
 
 impl UtiaBrdf {

@@ -178,7 +178,109 @@ pub enum WriteError {
     Azimuths,
 }
 
-/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives. A TIS that was read is kept.
+/// A value about the mirrored ray.
+struct Placed {
+    /// Angle of incidence, 1e-6 degrees.
+    theta: i64,
+    /// Azimuth and radial angle, degrees.
+    azimuth_deg: f64,
+    radial_deg: f64,
+    value: f64,
+}
+
+/// The nearest number with few decimals to a group's middle, which is known to half its width, or to `doubt`.
+fn shortest(least: f64, most: f64, doubt: f64) -> f64 {
+    let (middle, half) = (0.5 * (least + most), (0.5 * (most - least)).max(doubt));
+    let rounded = |decimals: i32| {
+        let unit = 10.0_f64.powi(decimals);
+        (middle * unit).round() / unit
+    };
+    (0..6).map(rounded).find(|r| (r - middle).abs() <= half).unwrap_or_else(|| rounded(6))
+}
+
+/// Values by incidence and by the numbers of azimuth and radial angle; the azimuth of the mirrored ray itself, and of all light along the normal, is none.
+type Cells = std::collections::BTreeMap<(i64, Option<usize>, usize), f64>;
+
+/// A grid about the mirrored ray, for angles that are the same within a tolerance.
+struct Grid {
+    azimuth_deg: Vec<f64>,
+    radial_deg: Vec<f64>,
+    cells: Cells,
+}
+
+impl Grid {
+    fn new(placed: &[Placed], tolerance_deg: f64) -> Self {
+        let mut radials: Vec<f64> = placed.iter().map(|p| p.radial_deg).collect();
+        radials.sort_by(f64::total_cmp);
+        let mut ends: Vec<(f64, f64)> = Vec::new();
+        for radial in radials {
+            match ends.last_mut() {
+                Some((first, last)) if radial - *first <= tolerance_deg => *last = radial,
+                _ => ends.push((radial, radial)),
+            }
+        }
+        // Rounding moves the mirrored ray to one side only.
+        if let Some(first) = ends.first_mut().filter(|(_, last)| *last <= tolerance_deg) {
+            first.0 = -first.1;
+        }
+        let radial_deg: Vec<f64> = ends.iter().map(|(a, b)| shortest(*a, *b, 5e-7)).collect();
+        let radial_of = |r: f64| ends.partition_point(|(_, last)| *last < r);
+        // Far from the mirrored ray an azimuth is known best: those there say which there are.
+        let mut order: Vec<&Placed> = placed.iter().collect();
+        order.sort_by(|a, b| b.radial_deg.total_cmp(&a.radial_deg));
+        let mut azimuths: Vec<(f64, f64)> = Vec::new();
+        // They are kept in order.
+        let middle = |(a, b): &(f64, f64)| 0.5 * (a + b);
+        let after =
+            |azimuths: &[(f64, f64)], deg: f64| azimuths.partition_point(|a| middle(a) < deg);
+        let nearest = |azimuths: &[(f64, f64)], p: &Placed| {
+            let next = after(azimuths, p.azimuth_deg);
+            let off = |k: &usize| (middle(&azimuths[*k]) - p.azimuth_deg).abs();
+            let beside = next.saturating_sub(1)..(next + 1).min(azimuths.len());
+            let best = beside.min_by(|j, k| off(j).total_cmp(&off(k)));
+            best.map(|k| (k, off(&k) * p.radial_deg.to_radians().sin().abs()))
+        };
+        let has_azimuth = |p: &&&Placed| p.theta != 0 && radial_deg[radial_of(p.radial_deg)] != 0.0;
+        for p in order.iter().filter(has_azimuth) {
+            match nearest(&azimuths, p) {
+                Some((k, off)) if off <= tolerance_deg => {
+                    // Only those as far out say where it is.
+                    let is_as_far = p.radial_deg > 0.5 * order[0].radial_deg;
+                    if is_as_far {
+                        azimuths[k].0 = azimuths[k].0.min(p.azimuth_deg);
+                        azimuths[k].1 = azimuths[k].1.max(p.azimuth_deg);
+                    }
+                }
+                _ => {
+                    let at = after(&azimuths, p.azimuth_deg);
+                    azimuths.insert(at, (p.azimuth_deg, p.azimuth_deg));
+                }
+            }
+        }
+        if azimuths.is_empty() {
+            azimuths.push((0.0, 0.0));
+        }
+        let mut sums: std::collections::BTreeMap<_, (f64, f64)> = std::collections::BTreeMap::new();
+        for p in placed {
+            let radial = radial_of(p.radial_deg);
+            let azimuth = Some(p).filter(|p| has_azimuth(&p)).and_then(|p| nearest(&azimuths, p));
+            let sum = sums.entry((p.theta, azimuth.map(|a| a.0), radial)).or_default();
+            *sum = (sum.0 + p.value, sum.1 + 1.0);
+        }
+        let cells = sums.into_iter().map(|(key, (sum, count))| (key, sum / count)).collect();
+        let doubt = tolerance_deg.max(2e-6);
+        let azimuth_deg = azimuths.iter().map(|(a, b)| shortest(*a, *b, doubt)).collect();
+        Self { azimuth_deg, radial_deg, cells }
+    }
+
+    /// How well values and places go together: more where a grid has fewer places, and less where values fall together.
+    fn fit(&self) -> f64 {
+        let places = (self.azimuth_deg.len() * self.radial_deg.len()) as f64;
+        (self.cells.len() as f64).powi(2) / places
+    }
+}
+
+/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives. Angles may be rounded, to 0.01°. A TIS that was read is kept.
 ///
 /// # Errors
 /// Directions that are no such grid, several azimuths of incidence, samples too far apart for a TIS where none was read.
@@ -186,10 +288,7 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
     if samples.has_azimuths() {
         return Err(WriteError::Azimuths);
     }
-    let rounded = |deg: f64| (deg * 1e6).round() as i64;
-    let (mut incidences, mut azimuths, mut radials) =
-        (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
-    let mut found = std::collections::BTreeMap::new();
+    let mut placed = Vec::new();
     for row in &samples.rows {
         let Some(value) =
             row.brdf_per_sr.get(column).copied().filter(|v| v.is_finite() && *v > 0.0)
@@ -199,75 +298,62 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
         let (i, o) = row.directions();
         let o = turned(i, o).1;
         // Light at the azimuth 180°.
-        let (azimuth, radial) =
+        let (azimuth_deg, radial_deg) =
             of_mirrored(row.theta_i_deg.abs(), DVec3::new(-o.x, o.y.abs(), o.z));
-        let (theta, mut azimuth, radial) =
-            (rounded(row.theta_i_deg.abs()), rounded(azimuth), rounded(radial));
-        if radial == 0 {
-            azimuth = -1;
-        } else {
-            azimuths.insert(azimuth);
-        }
-        incidences.insert(theta);
-        radials.insert(radial);
-        found.insert((theta, azimuth, radial), value);
+        let theta = (row.theta_i_deg.abs() * 1e6).round() as i64;
+        placed.push(Placed { theta, azimuth_deg, radial_deg, value });
     }
-    if azimuths.is_empty() {
-        azimuths.insert(0);
-    }
-    // At normal incidence all azimuths are alike of a table with one azimuth of incidence.
-    let upright: Vec<(i64, f64)> = found
-        .iter()
-        .filter(|((theta, _, radial), _)| *theta == 0 && *radial != 0)
-        .map(|((.., radial), value)| (*radial, *value))
-        .collect();
-    for (radial, value) in upright {
-        for azimuth in &azimuths {
-            found.insert((0, *azimuth, radial), value);
+    // The finest that does: a grid's own steps may be small, and its angles rounded.
+    let mut grid = Grid::new(&placed, 1e-6);
+    for tolerance_deg in [1e-5, 1e-4, 1e-3, 1e-2] {
+        let coarser = Grid::new(&placed, tolerance_deg);
+        if coarser.fit() > grid.fit() {
+            grid = coarser;
         }
     }
-    let deg = |all: &BTreeSet<i64>| all.iter().map(|v| *v as f64 / 1e6).collect::<Vec<f64>>();
+    let incidences: BTreeSet<i64> = placed.iter().map(|p| p.theta).collect();
     let (mut tis, mut value_per_sr) = (Vec::new(), Vec::new());
     for theta in &incidences {
-        let of_this: Vec<_> = found.iter().filter(|((t, ..), _)| t == theta).collect();
-        let cells = azimuths.len() * radials.len();
-        // A quarter of a grid's places may lie below the horizon or have no value; what fills less is none.
-        if of_this.len() * 4 < cells {
-            return Err(WriteError::NoGrid {
-                theta_i_deg: *theta as f64 / 1e6,
-                azimuths: azimuths.len(),
-                radials: radials.len(),
-                values: of_this.len(),
-            });
-        }
         let theta_deg = *theta as f64 / 1e6;
-        let i = direction(theta_deg, 180.0);
-        let o: Vec<DVec3> = of_this
-            .iter()
-            .map(|((_, a, r), _)| about_mirrored(theta_deg, *a as f64 / 1e6, *r as f64 / 1e6))
-            .collect();
-        let values: Vec<f64> = of_this.iter().map(|(_, v)| **v).collect();
-        let hemisphere = Hemisphere::new(i, &o, &values);
-        tis.push(match samples.tis(theta_deg) {
-            Some(read) => read,
-            None if hemisphere.is_known() => hemisphere.of(&values),
-            None => return Err(WriteError::NotResolved { theta_i_deg: theta_deg }),
-        });
-        for azimuth in &azimuths {
-            for radial in &radials {
-                let azimuth = if *radial == 0 { -1 } else { *azimuth };
-                value_per_sr.push(found.get(&(*theta, azimuth, *radial)).copied().unwrap_or(0.0));
+        // At normal incidence all azimuths are alike of a table with one azimuth of incidence.
+        let of_azimuth = |azimuth: usize, radial: usize| {
+            let of = |azimuth| grid.cells.get(&(*theta, azimuth, radial)).copied();
+            of(Some(azimuth)).or_else(|| of(None))
+        };
+        let values = grid.cells.range((*theta, None, 0)..(*theta + 1, None, 0)).count();
+        let azimuths = if *theta == 0 { 1 } else { grid.azimuth_deg.len() };
+        let radials = grid.radial_deg.len();
+        // A quarter of a grid's places may lie below the horizon or have no value; what fills less is none.
+        if values * 4 < azimuths * radials {
+            return Err(WriteError::NoGrid { theta_i_deg: theta_deg, azimuths, radials, values });
+        }
+        let (mut o, mut known) = (Vec::new(), Vec::new());
+        for (a, azimuth_deg) in grid.azimuth_deg.iter().enumerate() {
+            for (r, radial_deg) in grid.radial_deg.iter().enumerate() {
+                let value = of_azimuth(a, r);
+                value_per_sr.push(value.unwrap_or(0.0));
+                // On the mirrored ray all azimuths are one direction.
+                if let Some(value) = value.filter(|_| a == 0 || *radial_deg != 0.0) {
+                    o.push(about_mirrored(theta_deg, *azimuth_deg, *radial_deg));
+                    known.push(value);
+                }
             }
         }
+        let hemisphere = Hemisphere::new(direction(theta_deg, 180.0), &o, &known);
+        tis.push(match samples.tis(theta_deg) {
+            Some(read) => read,
+            None if hemisphere.is_known() => hemisphere.of(&known),
+            None => return Err(WriteError::NotResolved { theta_i_deg: theta_deg }),
+        });
     }
     Ok(ZemaxBsdf {
         comments: vec![format!("{} nm, written by sunglint", samples.wavelength_nm[column])],
         source: "Measured".into(),
         plane_symmetrical: true,
         transmitted: false,
-        incidence_deg: deg(&incidences),
-        azimuth_deg: deg(&azimuths),
-        radial_deg: deg(&radials),
+        incidence_deg: incidences.iter().map(|theta| *theta as f64 / 1e6).collect(),
+        azimuth_deg: grid.azimuth_deg,
+        radial_deg: grid.radial_deg,
         tis,
         value_per_sr,
     })

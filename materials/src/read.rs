@@ -5,7 +5,9 @@ use crate::ndf::{self, Ndf};
 use crate::samples::Samples;
 use std::path::Path;
 use sunglint_formats::fits::Fits;
+use sunglint_formats::merl::{self, MerlBrdf};
 use sunglint_formats::text_table::read_str;
+use sunglint_formats::utia::{self, UtiaBrdf};
 use sunglint_formats::{FileError, ParseError, Table, opus};
 use sunglint_radiometry::light_curve::Input;
 
@@ -56,10 +58,36 @@ pub fn samples(
         let hint = "a spectrum is one direction: name it in an ingest.toml (docs/lab-values.md)";
         return Err(ReadError::Parse(error.with_hint(hint)));
     }
-    let (text, inputs) = text_of(path, bytes)?;
-    let table = read_str(path, &text)?;
-    Ok((Samples::from_table(path, &table, wavelength_nm)?, inputs))
+    if merl::has_header(&bytes) {
+        MerlBrdf::from_bytes(path, &bytes)?;
+    } else if utia::may_be_cut(&bytes) {
+        UtiaBrdf::from_bytes(path, &bytes)?;
+    }
+    let is_own = bytes.windows(OWN.len()).any(|part| part == OWN.as_bytes());
+    let (text, inputs) = text_of(path, bytes).map_err(|error| match error {
+        ReadError::NoText { .. } => {
+            let error = ParseError::new(path, "bytes that are no text", "measured values");
+            ReadError::Parse(error.with_hint(READABLE))
+        }
+        error => error,
+    })?;
+    let found = read_str(path, &text)
+        .and_then(|table| Samples::from_table(path, &table, wavelength_nm))
+        .map_err(|error| match &error.hint {
+            _ if is_own => error,
+            Some(hint) => {
+                let hint = format!("{hint}; {READABLE}");
+                error.with_hint(hint)
+            }
+            None => error.with_hint(READABLE),
+        })?;
+    Ok((found, inputs))
 }
+
+/// A column that tables of our own have.
+const OWN: &str = "theta_i_deg";
+/// The formats of measured values, for people.
+const READABLE: &str = "files that can be read: tables with the columns theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg and brdf_532nm_per_sr (CSV, ECSV, FITS), FRED, Zemax, ASTM E1392 and E2387, columns phi_i theta_i phi_o theta_o brdf, MERL, UTIA, RGL";
 
 /// The format of another program that a file is in; `None` of our own tables, and of what is not there.
 pub fn exchange_format(path: &Path) -> Option<Exchange> {

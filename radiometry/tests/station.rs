@@ -416,7 +416,10 @@ fn wrong_files_are_refused_with_file_line_and_field() {
             "wavelength_nm,efficiency\n500,0.4\n600,NaN\n",
             "efficiency.csv:3: efficiency: found `NaN`",
         ),
-        ("wavelength_nm,efficiency\n500,0.4\n450,0.4\n", "efficiency.csv:3: wavelength_nm"),
+        (
+            "wavelength_nm,efficiency\n400,0.4\n500,0.4\n450,0.4\n",
+            "efficiency.csv:4: wavelength_nm",
+        ),
         (
             "wavelength_nm,efficiency\n500,40\n600,40\n",
             "a column in percent is named efficiency_percent",
@@ -430,8 +433,14 @@ fn wrong_files_are_refused_with_file_line_and_field() {
         ("wavelength_nm,efficiency\n0.5,0.4\n0.6,0.4\n", "name the column wavelength_um"),
         (
             "wavelength_nm,efficiency\n5000,0.4\n6000,0.4\n",
-            "its curves run over 400 to 700 nm, 5000 to 6000 nm; a column in angstrom",
+            "found 5000 to 6000 nm, expected wavelengths in nm (if they are in ångström, name the column wavelength_angstrom",
         ),
+        (
+            "wavelength_nm,efficiency\n2500,0.4\n2900,0.4\n",
+            "its curves run over 400 to 700 nm, 2500 to 2900 nm; a column in angstrom",
+        ),
+        ("wavelength_um,efficiency\n400,0.4\n1000,0.2\n", "name the column wavelength_nm"),
+        ("wavelength_nm,efficiency_percent\n400,0.4\n700,0.8\n", "name it efficiency"),
         (
             "wavelength_nm,attenuation_db\n500,0.4\n600,0.4\n",
             "found `attenuation_db`, expected a column of fractions",
@@ -443,6 +452,18 @@ fn wrong_files_are_refused_with_file_line_and_field() {
         let message = Station::read(folder.path()).unwrap_err().to_string();
         assert!(message.contains(expected), "{curve}\n  found    {message}\n  expected {expected}");
     }
+}
+
+/// Truth: the columns of the same numbers under other names and in another order.
+#[test]
+fn a_curve_may_decrease_and_name_its_columns_in_capitals() {
+    let read = |curve: &str| {
+        let folder = station(|toml| toml);
+        std::fs::write(folder.path().join("efficiency.csv"), curve).unwrap();
+        Station::read(folder.path()).unwrap().channels[0].efficiency.clone()
+    };
+    let plain = read("wavelength_nm,qe\n400,0.4\n700,0.8\n");
+    assert_eq!(plain, read("Wavelength_nm,QE\n700,0.8\n400,0.4\n"));
 }
 
 /// The folder of a test's station, gone when dropped.

@@ -234,6 +234,8 @@ fn figures(data: &Data, law: &Evaluated<'_>) -> Vec<Flaw> {
 const ALIKE: f64 = 1e-9;
 /// A detector at its limit reads the same within this part: noise of its converter, and digits of a file.
 const NOISE: f64 = 3e-3;
+/// Distances in the plane of the horizon that differ by less are the same.
+const SYMMETRIC: f64 = 2e-3;
 /// A value below this part of the maximum follows a plateau of a saturated detector; a rounded number would follow closely.
 const BELOW: f64 = 0.97;
 
@@ -294,26 +296,30 @@ fn plateau(
     };
     let most = samples.rows.iter().map(value).filter(|v| v.is_finite()).fold(0.0_f64, f64::max);
     let from = most * (1.0 - tolerance);
-    let mut by_incidence: std::collections::BTreeMap<[i64; 2], (Vec<f64>, f64)> =
+    let mut by_incidence: std::collections::BTreeMap<[i64; 2], (Vec<[f64; 2]>, f64)> =
         std::collections::BTreeMap::new();
     for row in &samples.rows {
         let (i, o) = row.directions();
         let key = [i.x, i.y].map(|v| (v * 1e5).round() as i64);
         let entry = by_incidence.entry(key).or_default();
         if value(row) >= from {
-            entry.0.push((i.x + o.x).hypot(i.y + o.y));
+            entry.0.push([(i.x + o.x).hypot(i.y + o.y), o.z]);
         } else if value(row) > entry.1 {
             entry.1 = value(row);
         }
     }
     // Values that are all alike, as of diffuse light, have none that is clearly less.
-    let is_plateau = |(radii, next): &mut (Vec<f64>, f64)| {
-        radii.sort_by(f64::total_cmp);
-        // The same by symmetry is one distance.
-        radii.dedup_by(|a, b| (*a - *b).abs() < 2e-3);
-        radii.len() >= distances && *next > 0.0 && *next < BELOW * most
+    let is_plateau = |(places, next): &(Vec<[f64; 2]>, f64)| {
+        // The same by symmetry is one distance: about the mirrored direction, or about the normal (f cos θ_o of diffuse light).
+        let is_several = |which: usize| {
+            let mut all: Vec<f64> = places.iter().map(|p| p[which]).collect();
+            all.sort_by(f64::total_cmp);
+            all.dedup_by(|a, b| (*a - *b).abs() < SYMMETRIC);
+            all.len() >= distances
+        };
+        is_several(0) && is_several(1) && *next > 0.0 && *next < BELOW * most
     };
-    let found = by_incidence.values_mut().any(is_plateau);
+    let found = by_incidence.values().any(is_plateau);
     found.then_some(Saturation { per_sr: most, signal, from })
 }
 

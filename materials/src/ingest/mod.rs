@@ -225,7 +225,8 @@ pub fn ingest(
     for channel in channels {
         beams.push(beam(channel, &onto, nm)?);
     }
-    let (mut rows, mut seams, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut rows, mut seams) = (Vec::new(), Vec::new());
+    let mut warnings = flat_tops(channels, directions);
     for (d, direction) in directions.iter().enumerate() {
         let [theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg] = direction.angles_deg;
         if theta_i_deg.abs() >= 90.0 || theta_o_deg.abs() >= 90.0 {
@@ -251,6 +252,11 @@ pub fn ingest(
                 let noise =
                     (piece.sigma[k] / beam.value[k]).hypot(ratio * beam.sigma[k] / beam.value[k]);
                 (piece.value[k], piece.sigma[k]) = (factor * ratio, factor * noise);
+            }
+            let to_part = options.solid_angle_sr * cos;
+            if let Some(excess) = excess(&piece, to_part, options) {
+                let name = name_of(signal, || format!("direction {}, {}", d + 1, channel.name));
+                warnings.push(format!("{name}: {excess}"));
             }
             pieces.push((channel.name.clone(), piece));
         }
@@ -306,6 +312,54 @@ pub fn ingest(
     meta.insert("repeats".into(), json!(repeats));
     let samples = Samples { meta, ..samples };
     Ok(Ingested { samples, seams, pairs, repeats, warnings })
+}
+
+/// The file of a spectrum, or what it is.
+fn name_of(spectrum: &RawSpectrum, other: impl FnOnce() -> String) -> String {
+    spectrum.file.clone().unwrap_or_else(other)
+}
+
+/// Warnings of spectra in which a detector was at its end, each once.
+fn flat_tops(channels: &[Channel], directions: &[Direction]) -> Vec<String> {
+    let mut said: Vec<String> = Vec::new();
+    let mut look = |spectrum: &RawSpectrum, what: String| {
+        if let Some(top) = spectrum.flat_top() {
+            let warning = format!("{}: {top}", name_of(spectrum, || what));
+            if !said.contains(&warning) {
+                said.push(warning);
+            }
+        }
+    };
+    for channel in channels {
+        look(&channel.reference, format!("reference, {}", channel.name));
+    }
+    for (d, direction) in directions.iter().enumerate() {
+        for (channel, signal) in channels.iter().zip(&direction.signal) {
+            if let Some((signal, _)) = signal {
+                look(signal, format!("direction {}, {}", d + 1, channel.name));
+            }
+        }
+    }
+    said
+}
+
+/// The wavelength at which a direction has the most light beyond what came in, by more than its noise. `to_part` makes part of the incident light of f.
+fn excess(piece: &Piece, to_part: f64, options: &IngestOptions) -> Option<String> {
+    const SIGMAS: f64 = 3.0;
+    let part = |k: usize| {
+        let part = piece.value[k] * to_part;
+        (part, SIGMAS * (piece.sigma[k] * to_part).hypot(options.scale_sigma * part))
+    };
+    let beyond = |k: &usize| part(*k).0 - part(*k).1 > 1.0 + 1e-9;
+    let all: Vec<usize> = (0..piece.value.len()).filter(beyond).collect();
+    let most = all.iter().copied().max_by(|j, k| part(*j).0.total_cmp(&part(*k).0))?;
+    Some(format!(
+        "{:.4} times the light of the whole beam at {} nm, and more than it at {} of {} wavelengths: look at saturation, exposures (scale), the dark signal and which file is the reference",
+        part(most).0,
+        options.wavelength_nm[most],
+        all.len(),
+        options.wavelength_nm.len()
+    ))
 }
 
 fn check(reference: &Reference, options: &IngestOptions) -> Result<(), IngestError> {

@@ -47,13 +47,14 @@ fn read_part(path: &Path, part: Option<&str>) -> Result<RawSpectrum, FileError> 
         }
     };
     let axis: Vec<f64> = columns.x.iter().map(|x| x * columns.factor.unwrap_or(1.0)).collect();
-    Ok(RawSpectrum::new(&axis, &columns.y, columns.factor.is_none()).map_err(|error| {
+    let read = RawSpectrum::new(&axis, &columns.y, columns.factor.is_none()).map_err(|error| {
         let mut wrong = ParseError::new(path, error.to_string(), "a spectrum");
         if let Some(line) = error.row().and_then(|row| columns.line.get(row)) {
             wrong = wrong.at_line(*line);
         }
         wrong
-    })?)
+    })?;
+    Ok(RawSpectrum { file: Some(path.display().to_string()), ..read })
 }
 
 /// Names of the spectra of a file of OPUS, as a key has them after `#`.

@@ -14,6 +14,30 @@ pub struct RawSpectrum {
     pub y: Vec<f64>,
     /// White noise of a single value, from the second differences.
     pub noise: f64,
+    /// The file that it was read from.
+    pub file: Option<String>,
+}
+
+/// Values in a row that are the largest of a spectrum.
+pub(super) struct FlatTop {
+    pub value: f64,
+    pub from_nm: f64,
+    pub to_nm: f64,
+    /// True where these are all values.
+    pub all: bool,
+}
+
+impl std::fmt::Display for FlatTop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { value, from_nm, to_nm, all } = self;
+        if *all {
+            return write!(f, "all its values are {value}: a saturated detector, or no recording");
+        }
+        write!(
+            f,
+            "its largest value, {value}, stands from {from_nm:.1} to {to_nm:.1} nm: the detector was saturated, as it seems; measure with less light or shorter exposures"
+        )
+    }
 }
 
 /// Error in an axis or its values; `row` counts from 0.
@@ -124,12 +148,47 @@ impl RawSpectrum {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (nm, y): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
         let noise = noise(&y);
-        Ok(Self { nm, y, noise })
+        Ok(Self { nm, y, noise, file: None })
     }
 
     /// The same at all wavelengths.
     pub fn constant(value: f64) -> Self {
-        Self { nm: vec![1e-3, 1e9], y: vec![value; 2], noise: 0.0 }
+        Self { nm: vec![1e-3, 1e9], y: vec![value; 2], noise: 0.0, file: None }
+    }
+
+    /// The place where a detector stood at its end, if it seems so: several values in a row that are the largest, beside one that is clearly less.
+    pub(super) fn flat_top(&self) -> Option<FlatTop> {
+        const LEAST: usize = 5;
+        /// A smooth curve that is rounded goes down by less, two values beside five that are alike: (4/2)² units of its rounding.
+        const UNITS: f64 = 4.0;
+        let most = self.y.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if most <= 0.0 || self.y.len() < LEAST {
+            return None;
+        }
+        let mut sorted = self.y.clone();
+        sorted.sort_by(f64::total_cmp);
+        let gaps = sorted.windows(2).map(|w| w[1] - w[0]).filter(|gap| *gap > 0.0);
+        let unit = gaps.fold(f64::INFINITY, f64::min);
+        let mut first = 0;
+        for run in self.y.chunk_by(|a, b| (*a == most) == (*b == most)) {
+            let last = first + run.len() - 1;
+            if run[0] == most && run.len() >= LEAST {
+                let before = first.checked_sub(2).map(|k| self.y[k]);
+                let beside = before.into_iter().chain(self.y.get(last + 2).copied());
+                let least = beside.fold(f64::INFINITY, f64::min);
+                let all = run.len() == self.y.len();
+                if all || most - least > UNITS * unit {
+                    return Some(FlatTop {
+                        value: most,
+                        from_nm: self.nm[first],
+                        to_nm: self.nm[last],
+                        all,
+                    });
+                }
+            }
+            first = last + 1;
+        }
+        None
     }
 
     fn at(&self, nm: f64) -> f64 {

@@ -225,6 +225,48 @@ fn what_is_wrong_is_said() {
     );
 }
 
+/// Truth: by hand. A signal of 1.5 times the beam is 1.5 times the mirror's reflectance, which is 0.95, of the light; a beam cut at a level is flat there, and a smooth one is not, also where it is rounded.
+#[test]
+fn more_light_than_the_beam_and_flat_tops_are_noticed() {
+    let nm: Vec<f64> = (0..200).map(|k| 400.0 + 2.0 * f64::from(k)).collect();
+    let spectrum = |of: &dyn Fn(f64) -> f64| {
+        let y: Vec<f64> = nm.iter().map(|nm| of(*nm)).collect();
+        let raw = RawSpectrum::new(&nm, &y, false).unwrap();
+        RawSpectrum { file: Some("made.csv".into()), ..raw }
+    };
+    let beam = |nm: f64| 1000.0 * (-((nm - 600.0) / 150.0).powi(2)).exp();
+    let done = |signal: RawSpectrum| {
+        let channels = [Channel {
+            name: "si".into(),
+            range_nm: (420.0, 780.0),
+            reference: spectrum(&beam),
+            reference_dark: None,
+        }];
+        let reference = Reference {
+            kind: ReferenceKind::Mirror,
+            reflectance: RawSpectrum::constant(0.95),
+            theta_o_deg: 0.0,
+        };
+        let signal = vec![Some((signal, None))];
+        let angles_deg = [30.0, 0.0, 60.0, 180.0];
+        let directions = [Direction { angles_deg, scale: 1.0, signal }];
+        let options = IngestOptions {
+            wavelength_nm: vec![500.0, 600.0, 700.0],
+            scale_sigma: 0.0,
+            ..options()
+        };
+        ingest(&channels, &reference, &directions, &options).unwrap().warnings
+    };
+    assert_eq!(done(spectrum(&|nm| 0.9 * beam(nm))), Vec::<String>::new());
+    assert_eq!(done(spectrum(&|nm| (0.03 * beam(nm)).round())), Vec::<String>::new());
+    let said = done(spectrum(&|nm| 1.5 * beam(nm)));
+    assert!(said[0].contains("made.csv") && said[0].contains("1.4250 times"), "{said:?}");
+    let said = done(spectrum(&|nm| (0.9 * beam(nm)).min(600.0)));
+    assert!(said.len() == 1 && said[0].contains("made.csv") && said[0].contains("600"), "{said:?}");
+    let said = done(spectrum(&|_| 65_535.0));
+    assert!(said.iter().any(|w| w.contains("all its values are 65535")), "{said:?}");
+}
+
 /// Truth: by hand. Three records of one direction at 0.9, 1 and 1.1 of it are their median, with a scatter of 10 % and σ = 10 % √(π/2)/√3 of it; another direction keeps its number. A whole turn more
 /// is the same azimuth.
 #[test]

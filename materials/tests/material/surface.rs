@@ -806,6 +806,123 @@ fn fred_and_zemax_say_the_same() {
     assert!(error.to_string().contains("write FRED's"), "{error}");
 }
 
+/// Files that are cut off or of a format that is not read say so, and name the formats that are (synthetic).
+#[test]
+fn files_that_cannot_be_read_say_what_can() {
+    let folder = std::env::temp_dir().join(format!("sunglint-foreign-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let message = |name: &str, content: &[u8]| {
+        let path = folder.join(name);
+        std::fs::write(&path, content).unwrap();
+        read::samples(&path, Some(550.0)).unwrap_err().to_string()
+    };
+    let mut merl: Vec<u8> = [90_i32, 90, 180].iter().flat_map(|n| n.to_le_bytes()).collect();
+    merl.extend((0..125).flat_map(|k| (0.1 + f64::from(k)).to_le_bytes()));
+    let utia: Vec<u8> = (0..500).flat_map(|k| (0.1 + f64::from(k)).to_le_bytes()).collect();
+    let mitsuba = "<scene version=\"3.0.0\"><bsdf type=\"roughconductor\"/></scene>\n";
+    for (name, content, said) in [
+        ("merl.binary", &merl[..], "1012 bytes, expected 34992012 for [90, 90, 180] cells"),
+        ("utia.bin", &utia, "4000 bytes, expected 1990656"),
+        ("a.xml", mitsuba.as_bytes(), "MERL"),
+        ("a.ssdd", b"VERSION 0.2\n\nDATA_TYPE brdf\nDATA ascii\n0.3183\n", "FRED, Zemax, ASTM"),
+        (
+            "lt.bsdf",
+            b"# LightTools\nAOI 0\nPOI 0\nWavelength 550\n0 0 0.159\n",
+            "FRED, Zemax, ASTM",
+        ),
+        ("a.dat", b"ABG 2\nbrown_vinyl\n0 0.0\n1 1.5e-1 1.2e-2 1.5\n", "FRED, Zemax, ASTM"),
+        ("a.bin", &[0xff, 0xfe, 0x00, 0x81], "FRED, Zemax, ASTM"),
+    ] {
+        let message = message(name, content);
+        assert!(message.contains(said), "{message}");
+    }
+    // What is wrong with a table of our own is its own.
+    let own = message("a.csv", b"theta_i_deg,phi_i_deg,theta_o_deg,brdf_550nm_per_sr\n0,0,1,2\n");
+    assert!(own.contains("phi_o_deg") && !own.contains("FRED"), "{own}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// A lobe about the mirrored ray, 1/sr.
+fn lobe(radial_deg: f64) -> f64 {
+    3.0 * (-(radial_deg / 8.0).powi(2)).exp() + 0.1
+}
+
+/// A table on a grid about the mirrored ray, whose angles are rounded. By the triangle of normal, mirrored ray and direction.
+fn lobe_table(decimals: i32, jitter_deg: f64) -> Samples {
+    let unit = 10.0_f64.powi(decimals);
+    let round = |rad: f64| (rad.to_degrees() * unit).round() / unit;
+    let mut rows = Vec::new();
+    for theta in [0.0_f64, 10.0, 37.5] {
+        for radial in LOBE_RADIALS {
+            for azimuth in (0..360).step_by(30).map(f64::from) {
+                let off = jitter_deg * (7.0 * azimuth + 13.0 * radial + theta).sin();
+                let (t, r) = (theta.to_radians(), (radial + off).to_radians());
+                let a = (azimuth + 3.0 * off).to_radians();
+                let cos_o = t.cos() * r.cos() + t.sin() * r.sin() * a.cos();
+                let o = cos_o.clamp(-1.0, 1.0).acos();
+                let phi = match theta {
+                    0.0 => a,
+                    _ => (r.sin() * a.sin() * t.sin()).atan2(r.cos() - t.cos() * cos_o),
+                };
+                rows.push(Sample {
+                    theta_i_deg: theta,
+                    phi_i_deg: 0.0,
+                    theta_o_deg: round(o),
+                    phi_o_deg: 180.0 + round(phi),
+                    brdf_per_sr: vec![lobe(radial)],
+                    sigma_per_sr: Vec::new(),
+                });
+            }
+        }
+    }
+    let mut meta = sunglint_formats::Meta::new();
+    meta.insert("tis".into(), serde_json::json!([[0.0, 0.5], [10.0, 0.5], [37.5, 0.5]]));
+    Samples { wavelength_nm: vec![550.0], rows, meta }
+}
+
+const LOBE_RADIALS: [f64; 8] = [0.0, 0.1, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0];
+
+/// Truth: the lobe's formula. Values are those of the formula to 1e-6 (their places are known to 1e-4°, which is 1e-5 of the values at most, but they are stored beside the grid's own angles).
+#[test]
+fn a_grid_of_rounded_angles_is_written_for_zemax() {
+    for decimals in [4, 8] {
+        let file = exchange::to_zemax(&lobe_table(decimals, 0.0), 0).unwrap();
+        assert_eq!(file.incidence_deg, [0.0, 10.0, 37.5]);
+        let near = |found: &[f64], expected: &[f64], most: f64| {
+            assert_eq!(found.len(), expected.len(), "{found:?}");
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < most), "{found:?}");
+        };
+        near(&file.radial_deg, &LOBE_RADIALS, 1e-4);
+        assert_eq!(file.azimuth_deg, [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0]);
+        let expected = LOBE_RADIALS.map(lobe).repeat(3 * 7);
+        near(&file.value_per_sr, &expected, 1e-6);
+    }
+    // What lies about no grid is none, and its count is that of the table.
+    let error = exchange::to_zemax(&lobe_table(8, 0.3), 0).unwrap_err().to_string();
+    assert!(error.contains("no grid") && error.contains("write FRED's"), "{error}");
+}
+
+/// Truth: f cos θ_o of a Lambert surface (synthetic): its largest value is at the same angle from the normal on both sides, for every incidence, and no detector was at its end.
+#[test]
+fn values_alike_at_one_angle_from_the_normal_are_no_saturation() {
+    let mut samples = lobe_table(8, 0.0);
+    samples.rows.clear();
+    for theta in [0.0, 15.0, 30.0, 45.0] {
+        for o in (-8..9_i32).filter(|o| *o != 0).map(|o| 10.0 * f64::from(o)) {
+            samples.rows.push(Sample {
+                theta_i_deg: theta,
+                phi_i_deg: 0.0,
+                theta_o_deg: o.abs(),
+                phi_o_deg: if o > 0.0 { 180.0 } else { 0.0 },
+                brdf_per_sr: vec![0.5 / PI * o.to_radians().cos()],
+                sigma_per_sr: Vec::new(),
+            });
+        }
+    }
+    let found = fit_surface(&samples, &SurfaceOptions::default(), &Silent).unwrap();
+    assert_eq!(found.left_out.saturated, 0);
+}
+
 /// Truth: the numbers that the text holds, in degrees (synthetic; the layout is libbsdf's). The mirrored light is at the light's azimuth + 180° in both. Of two wavelengths one has to be said.
 #[test]
 fn astm_tables_are_recognised() {

@@ -94,7 +94,7 @@ pub(super) fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Resp
     }
     const NAMES: [&str; 8] =
         ["efficiency", "transmission", "reflectance", "throughput", "response", "qe", "pde", "pdp"];
-    if !NAMES.contains(&curve.y_name.as_str()) {
+    if !NAMES.contains(&curve.y_name.to_lowercase().as_str()) {
         let found = format!("`{}`", curve.y_name);
         let expected =
             format!("a column of fractions: {} (or one of these with _percent)", NAMES.join(", "));
@@ -105,6 +105,13 @@ pub(super) fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Resp
         let found = format!("{} to {longest} nm", curve.x[0]);
         let error = ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
         return Err(error.with_hint("if they are in micrometres, name the column wavelength_um"));
+    }
+    // A curve that begins here is one in ångström: the detectors of channels see shorter waves.
+    const FARTHEST_NM: f64 = 3000.0;
+    if curve.x[0] > FARTHEST_NM {
+        let found = format!("{} to {longest} nm", curve.x[0]);
+        let error = ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
+        return Err(error.with_hint("if they are in ångström, name the column wavelength_angstrom; a channel needs light below 3000 nm"));
     }
     let wrong = |row: usize, field: &str, value: f64, expected: &str| {
         let error = ParseError::new(&path, value.to_string(), expected);
