@@ -1,5 +1,6 @@
 //! Light curves of several files on one clock, and what their passes did to the light removed.
 
+use crate::rounding::felt_rounding_s;
 use crate::series::{Series, SeriesError};
 use crate::trend::{self, TrendError, Ways};
 use hifitime::Epoch;
@@ -237,6 +238,16 @@ fn read_curve(
             (named, std::mem::take(&mut b.notes))
         }
     };
+    let mut notes: Vec<String> = notes;
+    if let Some(first) = named.curve.samples.time.first() {
+        let times: Vec<f64> =
+            named.curve.samples.time.iter().map(|t| (*t - *first).to_seconds()).collect();
+        if let Some(step_s) = felt_rounding_s(&times) {
+            notes.push(format!(
+                "times are rounded to {step_s} s, which is more than a twentieth of the step between samples: they are no better than that"
+            ));
+        }
+    }
     let notes = notes.into_iter().map(|note| format!("{}: {note}", named.stem)).collect();
     Ok((named, input, notes))
 }

@@ -52,6 +52,7 @@ pub mod curves;
 pub mod fold;
 pub mod map;
 pub mod period;
+mod rounding;
 pub mod samples;
 pub mod series;
 pub mod sessions;

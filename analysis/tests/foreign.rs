@@ -548,3 +548,60 @@ fn light_that_rounding_hides_is_constant() {
     let turning = asked(&curve(1, true, &mut |t| magnitude(t / 18.83) + noise.next()));
     assert!(holds(&turning.verdict.outcome, 18.83), "{:?}", turning.verdict.outcome);
 }
+
+/// Rows of a body that turns in 1300 s, seen every 90 s, without uncertainties; `late` moves a sample's time.
+fn slow(late: impl Fn(usize) -> f64) -> String {
+    let mut noise = Noise::new(21, 0.02);
+    let mut text = String::from("# synthetic\nmjd_utc,mag\n");
+    for i in 0..150 {
+        let t = 90.0 * i as f64 + late(i);
+        let m = 12.0 + 0.5 * (std::f64::consts::TAU * t / 1300.0).sin() + noise.next();
+        let _ = writeln!(text, "{},{m:.3}", mjd(t));
+    }
+    text
+}
+
+/// Truth: the period that was put in, 1300 s, of samples every 90 s without uncertainties, and of samples every 60 s but for 50 ms either way. Tolerance: 4 σ as stated. Where too few samples show their noise, the option that says it is named first.
+#[test]
+fn slow_samples_without_uncertainties_are_read() {
+    let folder = Folder::new("slow");
+    let minute = |i: usize| -30.0 * i as f64 + [0.05, -0.04, 0.0][i % 3];
+    for text in [slow(|_| 0.0), slow(minute)] {
+        let found = asked(&[folder.write("slow.csv", &text)]);
+        assert_eq!(found.series[0].len(), 150);
+        let best = found.verdict.best.unwrap();
+        assert!(holds(&found.verdict.outcome, 1300.0), "{:?}", found.verdict.outcome);
+        assert!((best.period_s - 1300.0).abs() < 4.0 * best.sigma_s, "{best:?}");
+        let said = found.warnings.iter().any(|w| w.contains("own change between them counts"));
+        assert!(said, "{:?}", found.warnings);
+    }
+    let few: String = slow(|_| 0.0).lines().take(7).fold(String::new(), |a, l| a + l + "\n");
+    let refused = read(&[folder.write("few.csv", &few)], &MagnitudeOptions::default()).unwrap_err();
+    let words = refused.to_string();
+    assert!(words.contains("used: no uncertainties, and samples more than 270 s apart"), "{words}");
+    assert!(words.contains("of 5 rows the longest track has 5 samples"), "{words}");
+}
+
+/// Truth: the period that was put in, 18.83 s, and the steps of 1e-5 d (0.864 s) to which Julian dates were rounded. It is said, and no period below two samples is looked for. Dates of eleven places are not called rounded.
+#[test]
+fn rounded_times_are_told() {
+    let folder = Folder::new("rounded-times");
+    let rows: Vec<(f64, f64)> =
+        (0..400).map(|i| 2.0 * f64::from(i)).map(|t| (t, magnitude(t / 18.83))).collect();
+    let of = |places: usize| {
+        let mut noise = Noise::new(31, 0.03);
+        let mut text = String::from("# synthetic\njd_utc,mag\n");
+        for (t, m) in &rows {
+            let _ =
+                writeln!(text, "{:.places$},{:.4}", 2_460_375.25 + t / 86_400.0, m + noise.next());
+        }
+        text
+    };
+    for (places, is_told) in [(5, true), (9, false)] {
+        let found = asked(&[folder.write("jd.csv", &of(places))]);
+        let told = found.warnings.iter().any(|w| w.contains("times are rounded to 0.864 s"));
+        assert_eq!(told, is_told, "{:?}", found.warnings);
+        assert!(found.verdict.uneven.is_none(), "{:?}", found.verdict.uneven);
+        assert!(holds(&found.verdict.outcome, 18.83), "{places}: {:?}", found.verdict.outcome);
+    }
+}

@@ -9,5 +9,6 @@ mod periodograms;
 mod sessions;
 mod spins;
 mod trends;
+mod uneven;
 mod unmix;
 mod verdicts;

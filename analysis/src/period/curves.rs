@@ -297,6 +297,14 @@ impl FoundPeriod {
 
     /// Adds what was left out and found odd to the warnings.
     fn concerns(&mut self) {
+        if let Some(uneven) = self.verdict.uneven.filter(|u| u.is_cut)
+            && let Outcome::NotEnough(_) = self.verdict.outcome
+        {
+            self.warnings.push(format!(
+                "the samples are uneven and may show periods below {:.5} s: they were not looked for (--shortest asks for them)",
+                uneven.shortest_s
+            ));
+        }
         for (name, error) in &self.verdict.left_out {
             let text = error.to_string();
             let named = text.starts_with(name.as_str());

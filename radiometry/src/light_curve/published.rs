@@ -14,6 +14,8 @@ use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
 const GAP_S: f64 = 60.0;
+/// Of slow samples without uncertainties gaps of so many usual steps are none: farther apart nothing shows the noise. The light's own change between them counts as noise then.
+const GAP_STEPS: f64 = 3.0;
 /// Astronomical unit, km (IAU 2012 B2, exact).
 const AU_KM: f64 = 149_597_870.7;
 /// d ln(flux)/d mag.
@@ -166,13 +168,15 @@ pub enum Unusable {
     },
     /// Tracks are too short to show their noise.
     #[error(
-        "of {} the longest track has {} at times of their own, and fewer than 8 show no noise of their own", counted(*rows, "row"), counted(*longest, "sample")
+        "no uncertainties, and samples more than {gap_s:.0} s apart show no noise of their own: of {} the longest track has {} at times of their own, and 8 are needed", counted(*rows, "row"), counted(*longest, "sample")
     )]
     Short {
         /// Number of rows.
         rows: usize,
         /// Samples of the longest track at different times.
         longest: usize,
+        /// Gap that parts tracks, s.
+        gap_s: f64,
     },
     /// No more scatter than the rounding of the numbers makes.
     #[error(
@@ -448,7 +452,15 @@ impl Brightness {
                 all
             }
         };
-        let tracks = tracks(&rows.times, rows.labels.as_deref());
+        let usual_s = usual_step_s(&rows.times.iter().map(|t| seconds(*t)).collect::<Vec<_>>());
+        let has_noise = rows.sigma.is_some() || options.sigma_mag.is_some() || options.as_written;
+        let gap_s = if has_noise { GAP_S } else { GAP_S.max(GAP_STEPS * usual_s) };
+        if gap_s > GAP_S {
+            notes.push(format!(
+                "the noise is that of neighbours up to {gap_s:.0} s apart: the light's own change between them counts as noise (--sigma-mag says it)"
+            ));
+        }
+        let tracks = tracks(&rows.times, rows.labels.as_deref(), gap_s);
         let mut sigma_mag = vec![f64::NAN; n];
         let mut noise = Vec::new();
         let mut unstated = 0;
@@ -487,13 +499,7 @@ impl Brightness {
         let share: Vec<f64> = sigma_mag.iter().map(|s| PER_MAG * s).collect();
         let sigma = (0..n).map(|i| share[i] * smooth[i]).collect();
         let is_exposure_known = rows.exposure_s.is_some();
-        let exposure_s = rows.exposure_s.unwrap_or_else(|| {
-            vec![
-                usual_step_s(&rows.times.iter().map(|t| seconds(*t)).collect::<Vec<_>>())
-                    .clamp(1e-3, 10.0);
-                n
-            ]
-        });
+        let exposure_s = rows.exposure_s.unwrap_or_else(|| vec![usual_s.clamp(1e-3, 10.0); n]);
         let curve = Self {
             step_mag: rounding_step(&rows.magnitudes),
             times: rows.times,
@@ -531,7 +537,7 @@ impl Brightness {
                 Some(value) if n > 1 && numbers.iter().all(|m| m == value) => {
                     Unusable::Constant { rows: n, value: *value }
                 }
-                _ if longest < 8 => Unusable::Short { rows: n, longest },
+                _ if longest < 8 => Unusable::Short { rows: n, longest, gap_s },
                 _ => {
                     let scatter = deviation(&numbers);
                     match (curve.step_mag, median(numbers.iter().copied())) {
@@ -751,8 +757,8 @@ fn seconds(epoch: Epoch) -> f64 {
     tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
-/// Samples by track: of one session and filter where the file says them, else of one filter without a gap. Times are in order.
-fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
+/// Samples by track: of one session and filter where the file says them, else of one filter without a gap above `gap_s`. Times are in order.
+fn tracks(times: &[Epoch], labels: Option<&[Label]>, gap_s: f64) -> Vec<Vec<usize>> {
     if let Some(labels) = labels.filter(|l| l.iter().any(|l| !l.session.is_empty())) {
         let mut by_label: std::collections::BTreeMap<&Label, Vec<usize>> = Default::default();
         for (i, label) in labels.iter().enumerate() {
@@ -766,7 +772,7 @@ fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
     for i in 0..times.len() {
         let filter = labels.map_or("", |l| l[i].filter.as_str());
         match open.get(filter).and_then(|k| tracks.get_mut(*k)) {
-            Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= GAP_S => {
+            Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= gap_s => {
                 track.push(i);
             }
             _ => {

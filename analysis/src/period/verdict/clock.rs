@@ -11,7 +11,7 @@
 use super::range::Range;
 use super::rivals::RIVAL;
 use super::search::Search;
-use super::{Estimate, Member, Membership, Options, Outcome, Verdict, centred, verdict};
+use super::{Estimate, Member, Membership, Options, Outcome, Verdict, centred, verdict_of};
 use crate::period::lomb_scargle::Centred;
 use crate::period::{FrequencyGrid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
@@ -225,7 +225,7 @@ fn rule_out(found: &mut Verdict, whole: &[Series], range: Range) -> Result<(), P
         return Ok(());
     };
     let refs: Vec<&Series> = whole.iter().collect();
-    let search = Search { series: &refs, range, centred: centred(&refs) };
+    let search = Search { series: &refs, range, beyond: None, centred: centred(&refs) };
     let mut left: Vec<Member> = Vec::new();
     for member in members {
         if let Membership::Multiple(n) = member.membership {
@@ -300,7 +300,7 @@ fn stretches(series: &[Series], n: usize) -> Vec<Vec<Series>> {
 /// whole gives.
 ///
 /// # Errors
-/// The errors of [`verdict()`].
+/// The errors of [`super::verdict()`].
 pub fn verdict_along(
     series: &[Series],
     options: &Options,
@@ -313,6 +313,10 @@ pub fn verdict_along(
     let (Some(best), Some(range)) = (whole.best, Range::new(&refs, options)?) else {
         return Ok(None);
     };
+    // A turn that only the unevenness of the samples shows has no harmonics that they would compare.
+    if best.period_s * range.limit_hz < 1.0 {
+        return Ok(None);
+    }
     let (from_s, to_s) = ends(&used);
     let way_deg = path.way_deg(from_s, to_s);
     let mut frequency_hz = 1.0 / best.period_s;
@@ -329,7 +333,7 @@ pub fn verdict_along(
         let (Some(whole), Some(bent)) = (on_clock(&used), on_clock(&stretches.concat())) else {
             break;
         };
-        let mut found = verdict(&bent, options)?;
+        let mut found = verdict_of(&bent, options, false)?;
         rule_out(&mut found, &whole, range)?;
         doubt(&mut found, range);
         let next = found.best.map(|b| 1.0 / b.period_s);

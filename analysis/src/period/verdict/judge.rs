@@ -5,9 +5,9 @@ use super::super::lines::{Lines, harmonics as most_harmonics, residual};
 use super::super::pdm::{Dispersion, dispersion_test};
 use super::super::significance::false_alarm;
 use super::super::stats::fisher;
-use super::super::{FrequencyGrid, PeriodError, pdm};
+use super::super::{PeriodError, pdm};
 use super::outcome::{Estimate, Member, Membership, Outcome, Question, Reason, Verdict};
-use super::search::Search;
+use super::search::{Gains, Search};
 use super::two::Pair;
 use crate::series::Series;
 
@@ -91,7 +91,8 @@ impl Search<'_> {
     pub fn judge(
         &self,
         base: f64,
-        curves: &[(usize, FrequencyGrid, Vec<f64>)],
+        curves: &[Gains],
+        handicap: f64,
         answer: &mut Verdict,
     ) -> Result<(), PeriodError> {
         let (channels, samples) = self.independence(base);
@@ -101,7 +102,7 @@ impl Search<'_> {
         let mut best = self.estimate(base, harmonics, independent);
         let turns = self.range.span_s * base;
         let gain = self.gain(base, harmonics);
-        let alarm = false_alarm(gain, self.series, harmonics, self.range.highest_hz, independent)?;
+        let alarm = false_alarm(gain, self.series, harmonics, self.range.counted_hz, independent)?;
         let beside = lines.chance_of_noise(base);
         answer.best = Some(best);
         answer.harmonics = harmonics;
@@ -173,7 +174,7 @@ impl Search<'_> {
                 members.push(Member { estimate, membership: Membership::Second, turns });
             }
         }
-        for f in self.rivals(base, curves, independent) {
+        for f in self.rivals(base, curves, handicap, independent) {
             let estimate = self.estimate(f, self.order(f), independent);
             let turns = self.range.span_s * f;
             members.push(Member { estimate, membership: Membership::Alias, turns });

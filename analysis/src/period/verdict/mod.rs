@@ -20,7 +20,7 @@ mod two;
 
 pub use clock::{Along, Clock, verdict_along};
 pub use outcome::{
-    Estimate, Folding, Member, Membership, Options, Outcome, Question, Reason, Verdict,
+    Estimate, Folding, Member, Membership, Options, Outcome, Question, Reason, Uneven, Verdict,
 };
 pub use search::SEARCHED;
 pub use tracks::{TrackPeriod, Tracks, compared};
@@ -39,6 +39,11 @@ const LEAST_SAMPLES: usize = 12;
 /// # Errors
 /// A range of periods that is none, or needs more frequencies than can be looked at.
 pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodError> {
+    verdict_of(series, options, true)
+}
+
+/// The same; where `is_wide` is false, in the usual range of even samples.
+fn verdict_of(series: &[Series], options: &Options, is_wide: bool) -> Result<Verdict, PeriodError> {
     let mut answer = Verdict {
         outcome: Outcome::NotEnough(Reason::Constant),
         best: None,
@@ -48,6 +53,7 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
         questions: Vec::new(),
         peaks: Vec::new(),
         searched_s: None,
+        uneven: None,
         window_peaks: Vec::new(),
         folding: None,
         drift_turns: 0.0,
@@ -83,8 +89,11 @@ pub fn verdict(series: &[Series], options: &Options) -> Result<Verdict, PeriodEr
         answer.outcome = Outcome::NotEnough(Range::reason(&used, options));
         return Ok(answer);
     };
-    answer.searched_s = Some((1.0 / range.highest_hz, 1.0 / range.lowest_hz));
-    Search { series: &used, range, centred: centred(&used) }.run(&mut answer)?;
+    let (beyond, uneven) = range.beyond(&used, options).filter(|_| is_wide).unzip();
+    let highest_hz = beyond.map_or(range.highest_hz, |beyond: Range| beyond.highest_hz);
+    answer.searched_s = Some((1.0 / highest_hz, 1.0 / range.lowest_hz));
+    answer.uneven = uneven;
+    Search { series: &used, range, beyond, centred: centred(&used) }.run(&mut answer)?;
     if let Outcome::NotEnough(_) = answer.outcome
         && let Some(reason) = rounded_away(&used)
     {

@@ -6,7 +6,7 @@ use sunglint_formats::text::counted;
 /// Options of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
-    /// The shortest period, s [default: twice the median step of the samples, or twice the exposure where that is longer].
+    /// The shortest period, s [default: twice the median step of the samples, or twice the exposure where that is longer; shorter where the samples are uneven and show more].
     pub shortest_s: Option<f64>,
     /// The longest period, s [default: half of the span].
     pub longest_s: Option<f64>,
@@ -137,6 +137,17 @@ pub struct Folding {
     pub shortest_s: f64,
 }
 
+/// Uneven sampling: it shows periods below twice its median step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uneven {
+    /// Twice the median step, or twice the exposure where that is longer, s.
+    pub usual_s: f64,
+    /// The shortest period that was looked for, s.
+    pub shortest_s: f64,
+    /// Whether still shorter ones would show, and were left out for their number.
+    pub is_cut: bool,
+}
+
 /// Answer that the data give.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -185,6 +196,8 @@ pub struct Verdict {
     pub peaks: Vec<(usize, f64, f64)>,
     /// The shortest and longest period that were looked for, s.
     pub searched_s: Option<(f64, f64)>,
+    /// Uneven sampling, and how far below its usual end the search went; `None` where it did not.
+    pub uneven: Option<Uneven>,
     /// Peaks of the sampling's own spectrum: frequency in Hz, height.
     pub window_peaks: Vec<(f64, f64)>,
     /// Even sampling, and what it cannot tell from the best; `None` where the sampling is uneven.

@@ -6,7 +6,7 @@ use super::super::{FrequencyGrid, PeriodError, window};
 use super::judge::{ALIKE, ALIKE_RARE};
 use super::outcome::Folding;
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
-use super::search::Search;
+use super::search::{Gains, Search};
 use crate::series::Series;
 
 /// A peak this much lower in twice the logarithm of the likelihood is not ruled out: once in 2,000 by chance.
@@ -171,13 +171,8 @@ impl Search<'_> {
         own <= 0.0 || 2.0 * ((others.max(0.0) + 2.0 * scatter) / own).sqrt() > limit
     }
 
-    /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it.
-    pub fn rivals(
-        &self,
-        base: f64,
-        curves: &[(usize, FrequencyGrid, Vec<f64>)],
-        independent: f64,
-    ) -> Vec<f64> {
+    /// Other peaks that are nearly as high as the best at their own best number of harmonics, and no multiple or part of it. `handicap` is that of the best.
+    pub fn rivals(&self, base: f64, curves: &[Gains], handicap: f64, independent: f64) -> Vec<f64> {
         let resolution = 1.0 / self.range.span_s;
         let related = |f: f64| {
             (1..=24).any(|i| {
@@ -192,8 +187,8 @@ impl Search<'_> {
         let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
         let harmonics = self.order(base);
         let highest = self.gain(base, harmonics) - cost * harmonics as f64;
-        for (harmonics, grid, joint) in curves {
-            let floor = highest - RIVAL / independent + cost * *harmonics as f64;
+        for Gains { harmonics, grid, joint, handicap: own } in curves {
+            let floor = highest - handicap + own - RIVAL / independent + cost * *harmonics as f64;
             for i in 1..grid.n - 1 {
                 let f = grid.frequency_hz(i);
                 let is_peak = joint[i] >= joint[i - 1] && joint[i] >= joint[i + 1];

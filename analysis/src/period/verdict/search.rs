@@ -4,7 +4,7 @@ use super::super::fit::solve;
 use super::super::lines::{Lines, harmonics as most_harmonics};
 use super::super::lomb_scargle::Centred;
 use super::super::significance::joint_gain;
-use super::super::{PeriodError, lomb_scargle};
+use super::super::{FrequencyGrid, PeriodError, lomb_scargle};
 use super::outcome::{Options, Outcome, Verdict};
 use super::range::{OVERSAMPLING, Range};
 use crate::series::Series;
@@ -27,6 +27,8 @@ fn either(times: usize) -> f64 {
 pub(super) struct Search<'a> {
     pub series: &'a [&'a Series],
     pub range: Range,
+    /// Frequencies beyond these that uneven samples show.
+    pub beyond: Option<Range>,
     pub centred: Vec<Centred<'a>>,
 }
 
@@ -36,6 +38,16 @@ struct Peak {
     frequency_hz: f64,
     harmonics: usize,
     gain: f64,
+    handicap: f64,
+}
+
+/// Gains of a model along its frequencies.
+pub(super) struct Gains {
+    pub harmonics: usize,
+    pub grid: FrequencyGrid,
+    pub joint: Vec<f64>,
+    /// Lead that a peak must have here: twice the logarithm of how many more frequencies there are than in the usual range. So either range is as likely before the data speak.
+    pub handicap: f64,
 }
 
 impl Search<'_> {
@@ -89,10 +101,11 @@ impl Search<'_> {
         best.0
     }
 
-    pub fn run(self, answer: &mut Verdict) -> Result<(), PeriodError> {
-        let mut curves = Vec::new();
+    /// The gains of all models over a range.
+    fn gains(&self, range: Range, handicap: f64) -> Result<Vec<Gains>, PeriodError> {
+        let mut all = Vec::new();
         for harmonics in SEARCHED {
-            let Some(grid) = self.range.grid(harmonics) else { continue };
+            let Some(grid) = range.grid(harmonics) else { continue };
             if self.series.iter().any(|s| s.len() <= 4 * harmonics + 2) {
                 continue;
             }
@@ -103,31 +116,55 @@ impl Search<'_> {
                     *sum += joint_gain(p, s.len(), harmonics);
                 }
             }
-            curves.push((harmonics, grid, joint));
+            all.push(Gains { harmonics, grid, joint, handicap });
+        }
+        Ok(all)
+    }
+
+    pub fn run(mut self, answer: &mut Verdict) -> Result<(), PeriodError> {
+        let usual = self.range;
+        let mut curves = self.gains(usual, 0.0)?;
+        if let Some(beyond) = self.beyond {
+            let handicap = 2.0 * (beyond.highest_hz / usual.highest_hz).ln();
+            curves.extend(self.gains(beyond, handicap)?);
         }
         let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
         let mut best: Option<(Peak, f64)> = None;
-        for (harmonics, grid, joint) in &curves {
+        let mut peaks: Vec<Peak> = Vec::new();
+        for Gains { harmonics, grid, joint, handicap } in &curves {
             let highest = joint.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             let Some((i, gain)) = highest else { continue };
-            let peak =
-                Peak { frequency_hz: grid.frequency_hz(i), harmonics: *harmonics, gain: *gain };
-            answer.peaks.push((*harmonics, 1.0 / peak.frequency_hz, peak.gain));
-            let score = gain - cost * *harmonics as f64;
+            let (frequency_hz, harmonics, gain) = (grid.frequency_hz(i), *harmonics, *gain);
+            let peak = Peak { frequency_hz, harmonics, gain, handicap: *handicap };
+            peaks.push(peak);
+            let score = gain - handicap - cost * harmonics as f64;
             if best.is_none_or(|(_, s)| score > s) {
                 best = Some((peak, score));
             }
+        }
+        for harmonics in SEARCHED {
+            let own = peaks.iter().filter(|p| p.harmonics == harmonics);
+            let highest =
+                own.max_by(|a, b| (a.gain - a.handicap).total_cmp(&(b.gain - b.handicap)));
+            answer.peaks.extend(highest.map(|p| (harmonics, 1.0 / p.frequency_hz, p.gain)));
         }
         let Some((peak, _)) = best else {
             answer.outcome = Outcome::NotEnough(Range::reason(self.series, &Options::default()));
             return Ok(());
         };
+        if let Some(beyond) = self.beyond {
+            // Two ranges, each of which may give half of the false alarms.
+            if peak.handicap > 0.0 {
+                self.range = Range { lowest_hz: usual.lowest_hz, ..beyond };
+            }
+            self.range.counted_hz = 2.0 * self.range.highest_hz;
+        }
         let step = 1.0 / (OVERSAMPLING * peak.harmonics as f64 * self.range.span_s);
         let start = self.refined(peak.frequency_hz, step, peak.harmonics);
         // Shared noise is judged by what the first model leaves.
         let (channels, _) = self.independence(start);
         let base = self.resolve(start, channels);
-        self.judge(base, &curves, answer)
+        self.judge(base, &curves, peak.handicap, answer)
     }
 
     /// Sharpens a frequency with as many harmonics as the data ask for.

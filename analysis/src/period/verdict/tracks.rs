@@ -56,12 +56,18 @@ impl Tracks {
 fn own(series: &[Series], period_s: f64, options: &Options) -> Option<Estimate> {
     let good = |s: &&Series| s.len() >= LEAST_SAMPLES && Centred::new(s, 1).is_ok();
     let used: Vec<&Series> = series.iter().filter(good).collect();
-    let range = Range::new(&used, options).ok()??;
+    let usual = Range::new(&used, options).ok()??;
+    let range = match usual.beyond(&used, options) {
+        Some((beyond, _)) if usual.limit_hz * period_s < 1.0 => {
+            Range { lowest_hz: usual.lowest_hz, ..beyond }
+        }
+        _ => usual,
+    };
     let middle = 1.0 / period_s;
     if range.span_s * middle < LEAST_TURNS || middle > range.limit_hz {
         return None;
     }
-    let search = Search { series: &used, range, centred: centred(&used) };
+    let search = Search { series: &used, range, beyond: None, centred: centred(&used) };
     let most = ((range.limit_hz / middle) as usize).clamp(1, 4);
     // Coarse with few harmonics, which see a track's own period from farther away; then with as many as the data ask for.
     let half = SLIP / range.span_s;

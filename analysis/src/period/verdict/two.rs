@@ -156,7 +156,7 @@ impl Search<'_> {
             joint.iter_mut().zip(power).for_each(|(j, p)| *j += joint_gain(p, s.len(), 1));
         }
         let gain = joint.into_iter().fold(0.0, f64::max);
-        false_alarm(gain, self.series, 1, self.range.highest_hz, independent)
+        false_alarm(gain, self.series, 1, self.range.counted_hz, independent)
             .is_ok_and(|p| p < CHANCE)
     }
 
@@ -332,7 +332,7 @@ impl Search<'_> {
         let fastest_s =
             self.series.iter().filter_map(|s| median_step(s)).fold(f64::INFINITY, f64::min);
         let by_chance =
-            false_alarm(gain, self.series, LATTICE.len(), self.range.highest_hz, independent);
+            false_alarm(gain, self.series, LATTICE.len(), self.range.counted_hz, independent);
         // As many second frequencies as there are first ones.
         let second_ones = self.range.highest_hz * span_s;
         let better = score - self.score_of_one(base, harmonics);
