@@ -400,13 +400,16 @@ fn edges_of_the_sensor_are_no_streaks() {
     assert!(field.remarks.is_empty() && field.streaks.is_empty(), "{field:?}");
 }
 
+/// Light along a trail against the distance from its beginning, px.
+type Shape<'a> = &'a dyn Fn(f64) -> f64;
+
 /// Light along trails that is not even (synthetic): truth: the drawn line of 200 px with a total significance of about 30. Each shape is found in all of four frames.
 #[test]
 fn trails_of_tumblers_are_found() {
     let wave = |t: f64| 1.0 + (std::f64::consts::TAU * t / 25.0).sin();
     let dashes =
         |t: f64, period: f64, part: f64| f64::from(u8::from(t.rem_euclid(period) < part * period));
-    let shapes: [(&str, &dyn Fn(f64) -> f64, usize); 7] = [
+    let shapes: [(&str, Shape<'_>, usize); 7] = [
         ("even", &|_| 1.0, 4),
         ("wave of 25 px", &wave, 4),
         ("half of 16 px", &|t| dashes(t, 16.0, 0.5), 4),
