@@ -340,3 +340,129 @@ fn skies_without_noise_hold_only_what_is_in_them() {
         assert!((0.5..2.0).contains(&ratio), "{ratio}: {point:?}");
     }
 }
+
+/// Streaks of frames whose light is drawn with noise.
+fn streaks_of(light: &Array2<f64>, rng: &mut Xoshiro256PlusPlus) -> Field {
+    found(&noisy(light, NOISE, rng))
+}
+
+/// Rows of faint stars in halos of bright ones (synthetic: wings as (1 + r²/α²)^−1.5, stars of 1 to 7 standard deviations). Truth: nothing was drawn that is no point. In each of the two frames a
+/// streak was seen before lines were held against those beside them; one is still seen in one of them, which is a known weakness.
+#[test]
+fn halos_and_rows_of_faint_stars_are_no_streaks() {
+    let mut false_ones = 0;
+    for seed in [3, 5] {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(0x4A10 + seed);
+        let mut light = Array2::from_elem((256, 256), 300.0);
+        for _ in 0..4 {
+            let [x, y] = [rng.random_range(20.0..236.0), rng.random_range(20.0..236.0_f64)];
+            let summit = 150.0 * 20_f64.powf(rng.random_range(0.0..1.0));
+            for ((row, column), value) in light.indexed_iter_mut() {
+                let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+                *value += summit * (1.0 + r2 / 6.0).powf(-1.5);
+            }
+        }
+        for _ in 0..350 {
+            let place = [rng.random_range(0.0..256.0), rng.random_range(0.0..256.0)];
+            let height = 7_f64.powf(rng.random_range(0.0..1.0));
+            add_point(&mut light, place, height * NOISE * 3.54, 1.0);
+        }
+        let field = streaks_of(&light, &mut rng);
+        false_ones += field.streaks.len();
+    }
+    assert!(false_ones <= 1, "{false_ones}");
+}
+
+/// A sensor's edge that is 0.45 standard deviations brighter along four rows, beside an overscan of 16 and 8 columns and 8 rows that is 12 below the sky (synthetic, after a frame of a real camera). Truth: nothing was
+/// drawn but that, and, in the second frame, a trail away from the border.
+#[test]
+fn edges_of_the_sensor_are_no_streaks() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(0xED6E);
+    let exposed = |row: usize, column: usize| row < 312 && (16..392).contains(&column);
+    let mut light = Array2::from_shape_fn((320, 400), |(row, column)| {
+        let edge = if (1..5).contains(&row) { 0.45 * NOISE } else { 0.0 };
+        if exposed(row, column) { 300.0 + edge } else { 204.0 }
+    });
+    let field = streaks_of(&light, &mut rng);
+    assert!(field.streaks.is_empty(), "{:?}", field.streaks);
+    let says = |field: &Field, what: &str| field.remarks.iter().any(|r| r.contains(what));
+    assert!(says(&field, "columns 16 to 391 and rows 0 to 311"), "{:?}", field.remarks);
+    assert!(says(&field, "along the border"), "{:?}", field.remarks);
+    add_line(&mut light, [[60.0, 40.0], [200.0, 47.0]], 8000.0, 1.5);
+    let field = streaks_of(&light, &mut rng);
+    assert_eq!(field.streaks.len(), 1, "{:?}", field.streaks);
+    assert!((field.streaks[0].length_px - 140.2).abs() < 4.0, "{:?}", field.streaks);
+    // A gradient is no border, a frame without overscan has no note.
+    let slope = Array2::from_shape_fn((320, 400), |(row, column)| {
+        300.0 + 0.4 * row as f64 + 0.2 * column as f64
+    });
+    let field = streaks_of(&slope, &mut rng);
+    assert!(field.remarks.is_empty() && field.streaks.is_empty(), "{field:?}");
+}
+
+/// Light along a trail against the distance from its beginning, px.
+type Shape<'a> = &'a dyn Fn(f64) -> f64;
+
+/// Light along trails that is not even (synthetic): truth: the drawn line of 200 px with a total significance of about 30. Each shape is found in all of four frames.
+#[test]
+fn trails_of_tumblers_are_found() {
+    let wave = |t: f64| 1.0 + (std::f64::consts::TAU * t / 25.0).sin();
+    let dashes =
+        |t: f64, period: f64, part: f64| f64::from(u8::from(t.rem_euclid(period) < part * period));
+    let shapes: [(&str, Shape<'_>, usize); 7] = [
+        ("even", &|_| 1.0, 4),
+        ("wave of 25 px", &wave, 4),
+        ("half of 16 px", &|t| dashes(t, 16.0, 0.5), 4),
+        ("half of 60 px", &|t| dashes(t, 60.0, 0.5), 4),
+        ("0.7 of 30 px", &|t| dashes(t, 30.0, 0.7), 4),
+        ("flashes each 20 px", &|t| dashes(t, 20.0, 0.1), 0),
+        ("cloud", &|t| if (70.0..130.0).contains(&t) { 0.3 } else { 1.0 }, 4),
+    ];
+    let mut lost = Vec::new();
+    for (name, shape, least) in shapes {
+        let mut hits = 0;
+        for seed in 0..4 {
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(0x70B1 + seed);
+            let mut light = Array2::from_elem((300, 300), 300.0);
+            for _ in 0..60 {
+                let place = [rng.random_range(0.0..300.0), rng.random_range(0.0..300.0)];
+                let flux = 3.0 * 300_f64.powf(rng.random_range(0.0..1.0)) * NOISE * 3.54 * 1.4;
+                add_point(&mut light, place, flux, 1.4);
+            }
+            let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
+            let along = [angle.cos(), angle.sin()];
+            let at = |t: f64| along.map(|u| 150.0 + (t - 100.0) * u);
+            let (mut own, mut n) = (Array2::zeros((300, 300)), 0.0);
+            for step in 0..800 {
+                let t = 0.25 * f64::from(step);
+                add_point(&mut own, at(t), shape(t), 1.4);
+                n += shape(t);
+            }
+            let square: f64 = own.iter().map(|v: &f64| v * v).sum();
+            let flux = 30.0 * NOISE / square.sqrt();
+            light += &(own * flux);
+            let truth = Truth {
+                ends: [at(0.0), at(200.0)],
+                length: 200.0,
+                flux: flux * n,
+                significance: 30.0,
+                stars: 60,
+            };
+            let field = streaks_of(&light, &mut rng);
+            hits += usize::from(field.streaks.iter().any(|s| is_it(s, &truth)));
+            for s in &field.streaks {
+                println!(
+                    "{name} {seed}: {:.0} px, S/N {:.1}, {}",
+                    s.length_px,
+                    s.significance,
+                    is_it(s, &truth)
+                );
+            }
+        }
+        println!("{name}: {hits} of 4");
+        if hits < least {
+            lost.push(name);
+        }
+    }
+    assert!(lost.is_empty(), "{lost:?}");
+}

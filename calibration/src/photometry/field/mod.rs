@@ -6,12 +6,13 @@
 //! 2. the width of points from the frame's own bright ones, by the curvature of their summits' logarithm across their narrow side;
 //! 3. the frame smoothed with that width: summits that are round are stars, and are masked for what follows;
 //! 4. sums along all segments propose streaks; each proposal is refined (direction, ends), fitted with a line of even light, and kept if it is lit along its whole
-//!    length, as wide as a point, and if three points explain it less well;
+//!    length, as wide as a point, stands out of the lines beside it, does not run along the border, and if three points explain it less well;
 //! 5. what is left is measured through an aperture.
 //!
 //! The significance of a streak is its fitted light over the standard deviation that the sky's noise gives that light.
 
 mod along;
+mod exposed;
 mod growth;
 mod mosaic;
 mod plateau;
@@ -28,11 +29,12 @@ use super::image::Image;
 use super::levels::Counter;
 use super::overlap::Aperture;
 use super::tiles::Tiles;
+use exposed::Exposed;
 use glam::DVec2;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use serde::Serialize;
-use streak::{Fitted, Search};
+use streak::{Fitted, Found, Search};
 use sunglint_formats::frame::Bayer;
 use sunglint_numerics::measured::Measured;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
@@ -223,6 +225,8 @@ pub(crate) struct Prepared {
     /// Pixels that are not to be used: no number, sharp, stars, streaks already found.
     pub masked: Vec<bool>,
     pub sigma_px: f64,
+    /// The area that light reaches.
+    pub exposed: Exposed,
 }
 
 /// Finds and measures the sources and streaks of a frame (values in ADU, `[row, column]`; NaN is masked).
@@ -233,9 +237,13 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
     check(pixels, options)?;
     let size = [pixels.ncols(), pixels.nrows()];
     let mut options = options.clone();
-    let remarks = remarks(pixels, &mut options);
+    let mut remarks = remarks(pixels, &mut options);
     let options = &options;
-    let Values { all: raw, own, unit } = Values::of(pixels, options.bayer);
+    let Values { all: mut raw, mut own, unit } = Values::of(pixels, options.bayer);
+    let exposed = Exposed::of(&raw, size);
+    exposed.take_out_others(&mut raw, size);
+    own.iter_mut().for_each(|own| exposed.take_out_others(own, size));
+    remarks.extend(exposed.note(size));
     // The values are in units of their own.
     let full = options.saturation_adu.map_or(f32::INFINITY, |adu| (adu / unit) as f32);
     let own = own.as_deref().unwrap_or(&raw);
@@ -254,11 +262,17 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
     sharp += image.take_out_sharp(0.8 * sigma_px).len();
     let smooth = image.significance(sigma_px).to_vec();
     let (above, left_out) = image.into_parts();
-    let mut prepared = Prepared { size, above, smooth, masked: left_out, sigma_px };
+    let mut prepared = Prepared { size, above, smooth, masked: left_out, sigma_px, exposed };
     let summits = summits(&prepared, options.point_sigmas);
     let stars = mask_stars(&mut prepared, &summits);
     let search = Search { options, raw: &raw, full };
-    let fitted = streak::search(&mut prepared, &search);
+    let Found { streaks: fitted, edges } = streak::search(&mut prepared, &search);
+    if edges > 0 {
+        remarks.push(format!(
+            "light along the border in {edges} place{}: an edge of the sensor is as bright as a trail there, so it is not listed as a streak",
+            if edges == 1 { "" } else { "s" }
+        ));
+    }
     let noise_at = |x: f64, y: f64| f64::from(tiles.sigma_at(x, y)) * unit;
     let mut streaks: Vec<Streak> =
         fitted.iter().map(|fit| measured(fit, size, options, &noise_at)).collect();
