@@ -1148,7 +1148,7 @@ case(
     f"compare {HOSTILE}/alias_bomb.ecsv in/demo/sphere.toml",
     f"compare {HOSTILE}/open_quote.ecsv in/demo/sphere.toml",
     f"compare {HOSTILE}/nan.csv in/demo/sphere.toml",
-    f"compare {HOSTILE}/decreasing.csv in/demo/sphere.toml",
+    f"compare {HOSTILE}/turning.csv in/demo/sphere.toml",
     f"simulate {HOSTILE}/deep.toml",
     *[f"analyse unmix {HOSTILE}/{name}.fits --endmembers white" for name in ["cut_off", "no_end", "rows_of_nothing", "sizes_that_overflow", "trillion_pixels", "no_groups"]],
     *[f"reduce {SHORT} --flat {HOSTILE}/{name}.fits" for name in ["cut_off", "no_end", "rows_of_nothing", "sizes_that_overflow", "trillion_pixels", "no_groups"]],
