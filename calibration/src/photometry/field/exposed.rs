@@ -73,7 +73,7 @@ impl Exposed {
     }
 
     /// Whether a segment runs along the border, within `reach` pixels of it.
-    pub fn is_border(&self, ends: [[f64; 2]; 2], reach: f64) -> bool {
+    pub(crate) fn is_border(&self, ends: [[f64; 2]; 2], reach: f64) -> bool {
         // A pixel is what the ends of a faint segment are known to.
         const PARALLEL_PX: f64 = 1.0;
         [&self.columns, &self.rows].into_iter().enumerate().any(|(axis, range)| {
