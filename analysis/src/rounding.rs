@@ -70,7 +70,7 @@ mod tests {
             (31.0, 8.64),
             (2.4, 1.0),
             (0.3, 1.0),
-            (7.13, 0.01),
+            (7.137, 0.01),
         ] {
             assert_eq!(rounding_s(&rounded(cadence, step)), Some(step), "{cadence} {step}");
         }
