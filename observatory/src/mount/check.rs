@@ -23,6 +23,9 @@ use sunglint_numerics::axes::Axes;
 pub(super) const REFRACTS: &str =
     "its own software lifts places by refraction (DoesRefraction): the night leaves that to it";
 
+/// Rate that every mount has, deg/s: it follows the stars.
+const STARS_DEG_S: f64 = 0.05;
+
 /// Answers of a mount that was asked.
 struct Said {
     abilities: MountAbilities,
@@ -264,10 +267,10 @@ fn check_visits(
         };
         let fastest = format!("up to {:.2} °/s{sun}", a.max(b));
         let text = match abilities.continuous_deg_s() {
-            Some(_) => format!("the mount can follow it: {fastest}"),
-            None => format!(
-                "nothing forbids the mount to follow it, {fastest}; how fast it is, is not known: it did not answer (`most_rate_deg_s` in the plan)"
+            None if a.max(b) > STARS_DEG_S => format!(
+                "nothing forbids the mount to follow it, {fastest}; how fast the mount is, is not known here (`most_rate_deg_s` in the plan)"
             ),
+            _ => format!("the mount can follow it: {fastest}"),
         };
         found.fine(&about, text);
         stands = Some(angles(path.at(path.seconds()).direction));
