@@ -37,7 +37,7 @@ impl From<ComparedAs> for MagnitudeKind {
 /// Which column has the times, and in which scale.
 #[derive(Debug, Clone, Default, Args)]
 pub struct TimeColumn {
-    /// Of a text without a line of names: the names of its columns, such as jd_utc,magnitude,sigma_mag
+    /// Names of the columns, for a text without a line of names, such as jd_utc,magnitude,sigma_mag
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub columns: Vec<String>,
     /// Of a table: the column of times [default: time_utc, or one called jd…, mjd…, bjd…]

@@ -14,7 +14,7 @@ use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
 const GAP_S: f64 = 60.0;
-/// Of slow samples without uncertainties gaps of so many usual steps are none: farther apart nothing shows the noise. The light's own change between them counts as noise then.
+/// In slow samples without uncertainties gaps of so many usual steps are none: farther apart nothing shows the noise. The light's own change between them counts as noise then.
 const GAP_STEPS: f64 = 3.0;
 /// Astronomical unit, km (IAU 2012 B2, exact).
 const AU_KM: f64 = 149_597_870.7;
