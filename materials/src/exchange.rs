@@ -273,7 +273,7 @@ impl Grid {
         Self { azimuth_deg, radial_deg, cells }
     }
 
-    /// How well values and places go together: more where a grid has fewer places, and less where values fall together.
+    /// Measure of how values and places go together: more where a grid has fewer places, and less where values fall together.
     fn fit(&self) -> f64 {
         let places = (self.azimuth_deg.len() * self.radial_deg.len()) as f64;
         (self.cells.len() as f64).powi(2) / places

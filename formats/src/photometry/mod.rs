@@ -211,6 +211,11 @@ pub fn open_named(
 ) -> Result<Source, ParseError> {
     let path = path.as_ref();
     let source = opened(path, bytes, columns)?;
+    if !columns.is_empty() && !matches!(source, Source::Table(words::CSV | words::TEXT, _)) {
+        let found = "a format whose columns have names";
+        let error = ParseError::new(path, found, "a text without a line of names");
+        return Err(error.with_hint("leave out --columns"));
+    }
     match &source {
         // A light curve of our own without samples is refused by those who need some.
         Source::Table(name, table) if table.rows() == 0 && !table.meta.contains_key("quantity") => {
@@ -223,20 +228,6 @@ pub fn open_named(
 }
 
 fn opened(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
-    let source = read_source(path, bytes, columns)?;
-    match &source {
-        Source::Table(words::CSV | words::TEXT, _) => {}
-        _ if !columns.is_empty() => {
-            let found = "a format whose columns have names";
-            let error = ParseError::new(path, found, "a text without a line of names");
-            return Err(error.with_hint("leave out --columns"));
-        }
-        _ => {}
-    }
-    Ok(source)
-}
-
-fn read_source(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
     let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
     let bytes = crate::fits::inflate(path, bytes, most)?;
     if bytes.starts_with(b"SIMPLE  =") {

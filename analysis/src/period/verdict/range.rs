@@ -14,7 +14,7 @@ pub(super) const OVERSAMPLING: f64 = 5.0;
 /// More frequencies than that are refused.
 pub(super) const MOST_FREQUENCIES: usize = 20_000_000;
 
-/// How much shorter than the usual ones the periods are that uneven samples are asked for.
+/// Factor from the shortest usual period down to the shortest one that uneven samples are asked for.
 const BEYOND: f64 = 100.0;
 /// Frequencies of all series beyond the usual ones, at most.
 const MOST_BEYOND: f64 = 1e6;
@@ -32,7 +32,7 @@ const MOST_NEIGHBOURS: usize = 2000;
 /// Frequencies to one over the longest distance of neighbours: 0.4 % of the height of a peak is lost between two.
 const FINE: f64 = 20.0;
 
-/// How well neighbouring samples are in step: the spectral window of near pairs, the mean of cos 2πf(t_j − t_i). Parts of a curve far from one another may be out of step with each other, and slow drifts do not count.
+/// Spectral window of near pairs of samples, which tells whether neighbours are in step: the mean of cos 2πf(t_j − t_i). Parts of a curve far from one another may be out of step with each other, and slow drifts do not count.
 struct Neighbours {
     distance_s: Vec<f64>,
     step_s: f64,
