@@ -871,6 +871,14 @@ mod made_by_others {
         );
         let utc = names(|n| n.scale = Some(Scale::Utc));
         holds(&read_as(table.as_bytes(), &utc).unwrap(), 3);
+        // Another column of the observer's names its scale: that one is taken.
+        let named = format!(
+            "J.D.-2400000,JD_UTC,BJD_TDB,mag\n{:.9},{jd:.9},1,7.25\n{:.9},{:.9},1,7.5\n",
+            jd - 2.4e6,
+            jd - 2.4e6 + two,
+            jd + two
+        );
+        holds(&read(&named).unwrap(), 3);
         holds(
             &read("\ttime_utc\tmag\n2024-03-05T18:00:00\t7.25\n2024-03-05T18:00:02\t7.5\n")
                 .unwrap(),

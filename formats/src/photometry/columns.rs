@@ -474,10 +474,12 @@ pub(super) fn named_times<'a>(
 /// The column that is one of times by its name, where none is asked for.
 pub(super) fn usual_time(table: &Table) -> Option<&str> {
     let names = || table.columns.iter().map(|c| c.name.as_str());
+    let of_observer = |n: &str| matches!(Kind::of_name(n), Some(Kind::Jd | Kind::Mjd));
     let of_kind = |is: &dyn Fn(Kind) -> bool| names().find(|n| Kind::of_name(n).is_some_and(is));
     find(table, TEXT_TIMES[0])
-        // Times of the observer before those of the Sun or of the barycentre.
-        .or_else(|| of_kind(&|kind| matches!(kind, Kind::Jd | Kind::Mjd)))
+        // Times of the observer before those of the Sun or of the barycentre, and of those one that names its scale.
+        .or_else(|| names().find(|n| of_observer(n) && scale_of_name(n).is_some()))
+        .or_else(|| names().find(|n| of_observer(n)))
         .or_else(|| of_kind(&|kind| kind != Kind::Unix))
         .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
         .or_else(|| of_kind(&|kind| kind == Kind::Unix))
@@ -485,6 +487,12 @@ pub(super) fn usual_time(table: &Table) -> Option<&str> {
             let of_columns = table.meta.get("timesys_of")?.as_object()?;
             find(table, of_columns.keys().next()?)
         })
+}
+
+/// The scale that a column's name says.
+fn scale_of_name(name: &str) -> Option<Scale> {
+    let lower = name.to_ascii_lowercase();
+    lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::of)
 }
 
 /// The other half of a time whose date and time of day stand in two columns: its name, and whether it is the date.
@@ -652,13 +660,9 @@ fn times(
         let column = table.meta.get("__serialized_columns__")?.get(name)?;
         Scale::of(column.get("scale")?.as_str()?)
     };
-    let of_name = |name: &str| {
-        let lower = name.to_ascii_lowercase();
-        lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::of)
-    };
     let is_mission = matches!(name.to_ascii_lowercase().as_str(), "bkjd" | "btjd");
     let mission = is_mission.then_some(Scale::Tdb);
-    let named = of_name(name).or_else(|| of_name(half?.0)).or(mission).or_else(kept);
+    let named = scale_of_name(name).or_else(|| scale_of_name(half?.0)).or(mission).or_else(kept);
     let scale = names.scale.or(named).or_else(|| Scale::of(system?));
     let unknown = |kind: &str| {
         if let Some(system) = system.filter(|s| !s.is_empty()) {
@@ -709,7 +713,12 @@ fn times(
         let local = [Some(name), half.map(|(other, _)| other), zone].into_iter().flatten();
         let local = local.filter_map(|text| Some((text, local_word(text)?))).next();
         if let Some((text, word)) = local.filter(|_| !all_zoned && names.scale.is_none()) {
-            let error = ParseError::new(path, format!("`{text}`: times in {word}"), "times in UTC");
+            let zone = match word.as_str() {
+                "local" | "lt" | "loc" | "lmt" => "local time".to_owned(),
+                word => word.to_uppercase(),
+            };
+            let expected = format!("times in UTC, not in {zone}");
+            let error = ParseError::new(path, format!("`{text}`"), expected);
             return Err(error.in_field(name.to_owned()).with_hint(
                 "take off the zone's offset and call the column time_utc, or write it behind each time (20:00:00+02:00); --time-scale utc says that they are UTC all the same",
             ));
