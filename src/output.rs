@@ -171,8 +171,17 @@ impl OutputArgs {
             if !seen.insert(place.join(path.file_name().unwrap_or_default())) {
                 return Err(Usage(format!("{} would be written twice", path.display())).into());
             }
-            if !self.force && path.symlink_metadata().is_ok() {
-                return Err(there_already(path));
+            if path.symlink_metadata().is_ok() {
+                if !self.force {
+                    return Err(there_already(path));
+                }
+                if is_input_too(path, &self.output) {
+                    return Err(Usage(format!(
+                        "{} is read by this command, too: it would be lost; give the result another name",
+                        path.display()
+                    ))
+                    .into());
+                }
             }
             let made = self.output.iter().any(|target| is_folder(target) && target == folder);
             if !folder.is_dir() && !made {
@@ -589,6 +598,20 @@ fn named(name: &str) -> String {
         Some((stem, extension)) => format!("{}.{extension}", file_name(stem)),
         None => file_name(name).into_owned(),
     }
+}
+
+/// Whether a file that is to be written stands on the command line as something else than an output.
+fn is_input_too(file: &Path, outputs: &[PathBuf]) -> bool {
+    let Ok(place) = file.canonicalize() else { return false };
+    let is_it = |value: &std::ffi::OsStr| Path::new(value).canonicalize().is_ok_and(|p| p == place);
+    // `--option=VALUE` and `-oVALUE` hold a value, too.
+    let named = std::env::args_os().skip(1).filter(|argument| {
+        let text = argument.to_str().unwrap_or_default();
+        let long = text.strip_prefix("--").and_then(|text| Some(text.split_once('=')?.1));
+        let value = long.or(text.strip_prefix("-o"));
+        is_it(argument) || value.is_some_and(|value| is_it(value.as_ref()))
+    });
+    named.count() > outputs.iter().filter(|output| is_it(output.as_os_str())).count()
 }
 
 fn there_already(path: &Path) -> anyhow::Error {

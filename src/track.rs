@@ -17,12 +17,12 @@ use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountSite};
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
-use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
     Certainty, Guard, PARK_WITHIN, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
     TrackStep, Tracker, Weather, WeatherFile, park,
 };
+use sunglint_observatory::{PreflightOptions, check_pass, clock};
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 use sunglint_rehearsal::track::{self, Limits, MOUNTS, Rehearsal, VirtualMount};
@@ -209,8 +209,13 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let asked = at - args.late_s * Unit::Second;
     let (from, seconds) =
         track::next_pass(&orbit, &station, asked, args.min_elevation, args.for_s)?;
-    for warning in orbit.warnings(from, from + seconds * Unit::Second) {
+    let times = (from, from + seconds * Unit::Second);
+    for warning in orbit.warnings(times.0, times.1) {
         console.warn(&warning);
+    }
+    let concerns = check_pass(&orbit, times, &station, &PreflightOptions::default());
+    for concern in concerns.map_err(anyhow::Error::msg)? {
+        console.warn(&format!("{}: {}", concern.about, concern.text));
     }
     if let Some(mount) = VirtualMount::named(&args.mount) {
         return rehearse(args, console, &station, &orbit, (from, seconds), mount);

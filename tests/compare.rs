@@ -86,6 +86,54 @@ fn another_object_or_unit_is_told() {
     }
 }
 
+/// Times of another scale. Truth: the shift that is put in (GPS time less UTC is 14 s in 2008, Terrestrial Time 65.184 s, a clock 5.3 s slow), found to 0.3 s, as noise of 2 % over 2 s allows; nothing is said of right times, nor of a model that is
+/// wrong: light that falls by a tenth a minute more than it should.
+#[test]
+fn times_of_another_scale_are_told() {
+    let (folder, curve) = folder("compare-shift", 2.0);
+    for (late_s, told) in [
+        (0.0, ""),
+        (14.0, "14.0 s earlier"),
+        (65.184, "65.2 s earlier"),
+        (-5.3, "5.3 s later"),
+        (f64::NAN, ""),
+    ] {
+        let mut curve = curve.clone();
+        let first = curve.samples.time[0];
+        if late_s.is_nan() {
+            let falls: Vec<f64> = curve
+                .samples
+                .time
+                .iter()
+                .map(|t| (-(*t - first).to_seconds() / 600.0).exp())
+                .collect();
+            for channel in &mut curve.channels {
+                let both = channel.rate_hz.iter_mut().zip(&mut channel.sigma_hz);
+                both.zip(&falls)
+                    .for_each(|((rate, sigma), f)| (*rate, *sigma) = (*rate * f, *sigma * f));
+            }
+        } else {
+            let times = curve.samples.time.iter_mut();
+            times.for_each(|t| *t += hifitime::Duration::from_seconds(late_s));
+        }
+        write(&folder.path("measured.ecsv"), &curve);
+        let warnings = folder.json(&[&COMPARE[..], &["--json"]].concat())["warnings"].to_string();
+        let said = warnings.contains("agree much better");
+        assert_eq!(said, !told.is_empty(), "{late_s}: {warnings}");
+        let number = |text: &str| {
+            let (before, _) = text.split_once(" s earlier").or(text.split_once(" s later"))?;
+            before.rsplit(' ').next()?.parse::<f64>().ok()
+        };
+        if let Some(asked) = number(told) {
+            let found = number(&warnings).unwrap();
+            assert!((found - asked).abs() <= 0.3, "{told}: {warnings}");
+            assert!(warnings.contains(told.rsplit(' ').next().unwrap()), "{told}: {warnings}");
+        }
+        let named = ["GPS time", "Terrestrial Time"].map(|scale| warnings.contains(scale));
+        assert_eq!(named, [late_s == 14.0, late_s == 65.184], "{warnings}");
+    }
+}
+
 /// Truth: the scale, the noise and the covariance of κ that were put in. Tolerance: three of the stated uncertainties; 15 % of the noise.
 #[test]
 fn what_was_put_in_is_found() {

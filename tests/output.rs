@@ -60,6 +60,22 @@ fn nothing_is_written_unless_all_can_be() {
     assert!(folder.path("fresh/air.png").is_file());
 }
 
+/// A table that is read is not written over, however it is named, `--force` or not; beside it the result is.
+#[test]
+fn what_is_read_is_not_written_over() {
+    let folder = Folder::new("output-over");
+    std::fs::create_dir(folder.path("there")).unwrap();
+    let curve = "jd_utc,magnitude\n2460000.1,5.1\n2460000.2,5.2\n2460000.3,5.3\n";
+    std::fs::write(folder.path("c.ecsv"), curve).unwrap();
+    for target in [&["-o", "./c.ecsv"][..], &["-oc.ecsv"], &["--output=there/../c.ecsv"]] {
+        let told = folder.refused(2, &[&["import", "c.ecsv", "--force"], target].concat());
+        assert!(told.contains("is read by this command, too"), "{target:?}: {told}");
+        assert_eq!(std::fs::read_to_string(folder.path("c.ecsv")).unwrap(), curve);
+    }
+    folder.done(&["import", "c.ecsv", "-o", "other.ecsv"]);
+    folder.done(&["import", "c.ecsv", "-o", "other.ecsv", "--force"]);
+}
+
 #[test]
 fn text_and_documents_are_printed_beside_files() {
     let folder = Folder::new("output-beside");

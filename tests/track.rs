@@ -48,3 +48,21 @@ fn what_cannot_be_is_refused() {
     let plan = folder.json(&[&track[..], &["--mount", "virtual", "--dry-run", "--json"]].concat());
     assert!(plan["went"].is_null() && plan["plan"]["refused"].is_null());
 }
+
+/// Truth: reasoning. At 22:00 UTC the Sun stands 40° below the horizon of 48.8° north, 9° east in September, and at 19° no overhead satellite 350 km up is lit any more. At 17:38 it has just set.
+#[test]
+fn a_pass_in_the_dark_of_the_earth_is_told() {
+    let folder = Folder::new("track-shadow");
+    std::fs::write(folder.path("iss.tle"), ISS).unwrap();
+    for (at, told, untold) in [
+        ("2008-09-21T22:00:00", "Earth's shadow", "twilight"),
+        ("2008-09-22T17:30:00", "twilight", "Earth's shadow"),
+    ] {
+        let track =
+            ["track", "iss.tle", "ISS", "--mount", "virtual", "--station", "ufo", "--at", at];
+        let output = folder.run(&[&track[..], &["--dry-run"]].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        assert!(said.contains(told) && !said.contains(untold), "{at}: {said}");
+    }
+}

@@ -88,7 +88,7 @@ pub use plan::{
 };
 pub use playback::Playback;
 pub use pointing::Pointing;
-pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, preflight};
+pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, check_pass, preflight};
 pub use replay::ReplayError;
 pub use schedule::{Schedule, Slot};
 pub use sequence::{CameraSetup, Exposing, Step};

@@ -17,6 +17,7 @@ use super::sequence::Exposing;
 use super::status::free_bytes;
 use hifitime::Epoch;
 use serde::Serialize;
+pub use sky::check_pass;
 use sky::{check_sky, check_twilight};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -6,7 +6,8 @@
 //! - [`Given`]: a channel as it comes, measured and simulated; [`Channel`]: which of its samples count, why the others do not, and what those that do say
 //!   ([`Numbers`]);
 //! - [`Bin`]: the same against phase angle, airmass or time;
-//! - [`Ratio`]: channels over one another, measured and simulated.
+//! - [`Ratio`]: channels over one another, measured and simulated;
+//! - [`time_shift`]: whether the curves lie beside each other in time.
 //!
 //! The *scale* of a channel is all the light that was measured over all that was simulated, Σ t m / Σ t s over the samples with exposures t. It needs no weights:
 //! such by the samples' own σ favour those that came out faint (by 1/N for N photons a sample). Its uncertainty is stated twice: as the samples' own σ make it, and
@@ -19,11 +20,13 @@ mod bins;
 mod blocks;
 mod channel;
 mod ratio;
+mod shift;
 
 pub use bins::{Axis, Bin, bins, edges};
 pub use blocks::{BLOCKS, Blocks, student_95};
 pub use channel::{Channel, Chi2, Given, LeftOut, MaterialBudget, Numbers, Reason};
 pub use ratio::{Moment, Ratio};
+pub use shift::{TimeShift, time_shift};
 
 use hifitime::Epoch;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};

@@ -40,10 +40,11 @@ use hifitime::Epoch;
 use rayon::prelude::*;
 use std::ops::Range;
 use sunglint_calibration::comparison::{
-    self, Axis, Bin, Blocks, Channel, Given, Ratio, something_left,
+    self, Axis, Bin, Blocks, Channel, Given, Ratio, TimeShift, something_left, time_shift,
 };
 use sunglint_calibration::stars::scintillation::{Aperture, USUAL_COEFFICIENT};
 use sunglint_formats::time::tai_nanoseconds;
+use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Flags;
@@ -290,7 +291,13 @@ impl<'a> Comparison<'a> {
                 axes.map(of).to_vec()
             })
             .collect();
-        let warnings = warnings(&measured, &simulation, &means, &channels, rows.len());
+        let mut warnings = warnings(&measured, &simulation, &means, &channels, rows.len());
+        let seconds: Vec<f64> =
+            measured.times.iter().map(|t| (*t - measured.times[0]).to_seconds()).collect();
+        let pairs: Vec<(&Given<'_>, &Channel)> = given.iter().zip(&channels).collect();
+        warnings.extend(
+            time_shift(&seconds, &pairs).map(|shift| shifted(&shift, &measured, &exposure_s)),
+        );
         let pairs = (measured.channels.iter().cloned())
             .zip(columns)
             .zip(channels)
@@ -408,6 +415,30 @@ fn ratios(
             Ratio::new(pair(c), pair(best), blocks, &stretches, common)
         })
         .collect()
+}
+
+/// The warning that the measured times are off, with what may be the reason of such a number of seconds.
+fn shifted(shift: &TimeShift, measured: &MeasuredPass, exposure_s: &[f64]) -> String {
+    // Finer the shift is not looked for, and light curves do not tell.
+    const NEAR_S: f64 = 0.5;
+    let tai_s = measured.times[0].leap_seconds(true).unwrap_or(37.0);
+    let half_s = median(exposure_s.iter().copied()).unwrap_or(0.0) / 2.0;
+    let scales = [("TAI", tai_s), ("GPS time", tai_s - 19.0), ("Terrestrial Time", tai_s + 32.184)];
+    let named = scales.iter().find(|(_, s)| (shift.late_s.abs() - s).abs() < NEAR_S);
+    let off = shift.late_s.abs();
+    let reason = match named {
+        Some((scale, s)) => format!("{scale} and UTC are {s} s apart"),
+        None if half_s >= 0.5 && (off - half_s).abs() < 0.2 * half_s => {
+            "half an exposure: is that the time of its start or end?".to_owned()
+        }
+        None => "is a clock off, the orbit old, or the attitude's phase another?".to_owned(),
+    };
+    let way = if shift.late_s > 0.0 { "earlier" } else { "later" };
+    format!(
+        "measured and simulated light agree much better with the measured times {off:.1} s {way} (scatter {:.2} % instead of {:.2} %): {reason}",
+        1e2 * shift.moved_scatter,
+        1e2 * shift.scatter
+    )
 }
 
 fn warnings(

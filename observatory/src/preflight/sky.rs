@@ -1,11 +1,11 @@
 //! What a visit's target and the sky around it do during the visit.
 
-use super::{Preflight, PreflightOptions, seconds, span};
+use super::{PlanFinding, Preflight, PreflightOptions, seconds, span};
 use crate::pointing::{Body, airmass};
 use crate::schedule::Slot;
 use hifitime::Epoch;
 use sunglint_ephemeris::geometry::Geometry;
-use sunglint_ephemeris::orbit::elements;
+use sunglint_ephemeris::orbit::{Orbit, elements};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::sky::{EarthOrientation, Observer, separation_rad};
 use sunglint_radiometry::station::Station;
@@ -24,7 +24,9 @@ pub(super) fn check_twilight(
     station: &Station,
     found: &mut Preflight,
 ) {
-    let Ok(course) = course(slot, span, station) else { return };
+    let Ok(course) = body(slot).and_then(|body| course(body.as_ref(), span, station)) else {
+        return;
+    };
     let (low, high) = (least(&course.sun_altitude_deg), most(&course.sun_altitude_deg));
     if high > 0.0 || low < -10.0 {
         let text = format!(
@@ -64,13 +66,17 @@ fn part(values: &[f64], is: impl Fn(f64) -> bool) -> f64 {
     values.iter().filter(|value| is(**value)).count() as f64 / values.len().max(1) as f64
 }
 
-fn course(slot: &Slot, (from, to): (Epoch, Epoch), station: &Station) -> Result<Course, String> {
-    let body = match slot.target.on {
-        true => Some(
-            Body::of(&slot.target).ok_or("its place is not known: no orbit from its elements")?,
-        ),
-        false => None,
-    };
+fn body(slot: &Slot) -> Result<Option<Body>, String> {
+    let known =
+        || Body::of(&slot.target).ok_or("its place is not known: no orbit from its elements");
+    Ok(slot.target.on.then(known).transpose()?)
+}
+
+fn course(
+    body: Option<&Body>,
+    (from, to): (Epoch, Epoch),
+    station: &Station,
+) -> Result<Course, String> {
     let length_s = seconds(from, to).max(0.0);
     let steps = (length_s / STEP_S).clamp(MOMENTS[0], MOMENTS[1]).ceil();
     let mut course = Course::default();
@@ -81,7 +87,7 @@ fn course(slot: &Slot, (from, to): (Epoch, Epoch), station: &Station) -> Result<
             Observer::at(utc, &station.site, earth).map_err(|error| error.to_string())?;
         let sun = observer.sun();
         course.sun_altitude_deg.push(sun.horizontal.altitude_deg());
-        let (horizontal, direction, sunlit) = match &body {
+        let (horizontal, direction, sunlit) = match body {
             None => continue,
             Some(Body::Star(star)) => {
                 let place = observer.star(star);
@@ -123,7 +129,11 @@ pub(super) fn check_sky(
     found: &mut Preflight,
 ) {
     check_elements(about, slot, times.0, options, found);
-    let course = match course(slot, times, station) {
+    let body = match body(slot) {
+        Ok(body) => body,
+        Err(error) => return found.error(about, format!("it has no place: {error}")),
+    };
+    let course = match course(body.as_ref(), times, station) {
         Ok(course) => course,
         Err(error) => return found.error(about, format!("it has no place: {error}")),
     };
@@ -136,6 +146,39 @@ pub(super) fn check_sky(
         }
         return;
     }
+    check_target(about, &course, slot.target.dec_deg, station, options, found);
+    if found.findings.len() == others {
+        let (low, high) = (least(&course.altitude_deg), most(&course.altitude_deg));
+        found.fine(about, format!("up at {low:.0}° to {high:.0}°, in the dark"));
+    }
+}
+
+/// Checks a pass of a satellite as a visit of a plan is checked: the Earth's shadow, daylight, how low it stands, the Sun and the Moon beside it.
+///
+/// # Errors
+/// An orbit without a place at these times.
+pub fn check_pass(
+    orbit: &Orbit,
+    times: (Epoch, Epoch),
+    station: &Station,
+    options: &PreflightOptions,
+) -> Result<Vec<PlanFinding>, String> {
+    let mut found = Preflight { utc: format_utc(options.now, 3), findings: Vec::new() };
+    let name = orbit.name();
+    let course = course(Some(&Body::Orbit(Box::new(orbit.clone()))), times, station)?;
+    check_dark(&name, &course, &mut found);
+    check_target(&name, &course, None, station, options, &mut found);
+    Ok(found.findings)
+}
+
+fn check_target(
+    about: &str,
+    course: &Course,
+    dec_deg: Option<f64>,
+    station: &Station,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
     let highest = most(&course.altitude_deg);
     let up = part(&course.above_deg, |above| above > 0.0);
     if up == 0.0 {
@@ -146,7 +189,7 @@ pub(super) fn check_sky(
             text += &format!(", {short:.0}° or more below the horizon that the station has there");
         }
         let latitude = station.site.geodetic().latitude_deg;
-        if let Some(dec) = slot.target.dec_deg.filter(|dec| (dec - latitude).abs() > 90.6) {
+        if let Some(dec) = dec_deg.filter(|dec| (dec - latitude).abs() > 90.6) {
             text = format!(
                 "it never rises at {}: declination {dec:+.1}°, latitude {latitude:+.1}°",
                 station.name
@@ -185,10 +228,6 @@ pub(super) fn check_sky(
         && moon < options.moon_deg
     {
         found.warning(about, format!("it comes within {moon:.1}° of the Moon"));
-    }
-    if found.findings.len() == others {
-        let low = least(&course.altitude_deg);
-        found.fine(about, format!("up at {low:.0}° to {highest:.0}°, in the dark"));
     }
 }
 

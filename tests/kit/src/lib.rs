@@ -106,13 +106,15 @@ pub fn alone(test: &str) -> bool {
         .env(CHILD, test)
         .output()
         .unwrap_or_else(|error| panic!("cannot start {test}: {error}"));
-    let stdout = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        output.status.success() && stdout.contains("1 passed"),
-        "{test} alone:\n{stdout}\n{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    passed(&output, &format!("{test} alone"));
     false
+}
+
+/// Panics with what a child said, unless it passed its one test. Indented, so that who counts the lines `test result:` counts the parent's alone.
+pub(crate) fn passed(child: &std::process::Output, who: &str) {
+    let said = [&child.stdout, &child.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    let indented = said.join("\n").replace('\n', "\n  ");
+    assert!(child.status.success() && said[0].contains("1 passed"), "{who}:\n  {indented}");
 }
 
 /// This test program, and the arguments with which it runs the test function of this name and no other.
