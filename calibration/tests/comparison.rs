@@ -7,7 +7,7 @@ use rand_distr::{Distribution as _, Normal, Poisson};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sunglint_calibration::comparison::{
     Blocks, Channel, ComparisonError, Given, Ratio, Reason, bins, edges, in_order, overlap,
-    something_left,
+    something_left, time_shift,
 };
 use sunglint_formats::time::parse_utc;
 use sunglint_radiometry::light_curve::Flags;
@@ -65,6 +65,56 @@ impl Curve {
 
     fn channel(&self) -> Channel {
         Channel::new(&self.given(), &Blocks::new(self.measured.len()))
+    }
+}
+
+/// Truth: closed forms, and shifts that are put in. Light of a body that turns in 40 s, with a glint, noise of 3 %: found within 0.3 s, a fifth of the glint's width. A satellite
+/// that passes at 800 km with 7.5 km/s, as 1/r²: 65 s late it bends otherwise than any parabola. Nothing is said of right times, of a curve that falls twice as fast as its model (a phase function that is wrong), nor of chance.
+#[test]
+fn a_shift_in_time_is_told_from_a_wrong_model() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+    let noise = Normal::new(0.0, 0.03).unwrap();
+    let seconds: Vec<f64> = (0..600).map(|i| 0.5 * f64::from(i)).collect();
+    let glint = |t: f64| {
+        let phase = std::f64::consts::TAU * t / 40.0;
+        (-(t - 150.0) / 200.0).exp() * (1.3 + phase.cos() + 0.3 * (2.0 * phase).sin())
+            + 5.0 * (-0.5 * ((t - 171.0) / 1.5).powi(2)).exp()
+    };
+    let passing = |t: f64| (800_f64.powi(2) + (7.5 * (t - 150.0)).powi(2)).recip();
+    let falling = |t: f64| (-t / 100.0).exp();
+    let steep = |t: f64| (-t / 50.0 - (t / 400.0).powi(2)).exp();
+    let even = |_: f64| 1.0;
+    type Light<'a> = &'a dyn Fn(f64) -> f64;
+    let cases: [(Light<'_>, Light<'_>, f64, Option<f64>); 8] = [
+        (&glint, &glint, 0.0, None),
+        (&glint, &glint, 7.3, Some(7.3)),
+        (&glint, &glint, -18.0, Some(-18.0)),
+        (&passing, &passing, 65.184, Some(65.184)),
+        (&passing, &passing, 0.0, None),
+        (&steep, &falling, 0.0, None),
+        (&even, &even, 0.0, None),
+        (&even, &glint, 0.0, None),
+    ];
+    for (number, (light, model, late_s, told)) in cases.into_iter().enumerate() {
+        let simulated: Vec<f64> = seconds.iter().map(|t| 1e4 * model(*t)).collect();
+        let measured: Vec<f64> = seconds
+            .iter()
+            .map(|t| 0.7e4 * light(t - late_s) * (1.0 + noise.sample(&mut random)))
+            .collect();
+        let sigma = measured.iter().map(|m| 0.03 * m).collect();
+        let curve = Curve::new(measured, sigma, simulated);
+        let (given, channel) = (curve.given(), curve.channel());
+        let shift = time_shift(&seconds, &[(&given, &channel)]);
+        match (told, shift) {
+            (None, None) => {}
+            (Some(told), Some(shift)) => {
+                let off = (shift.late_s - told).abs();
+                assert!(off < 0.3 || told > 60.0 && off < 3.0, "{number}: {shift:?}");
+                assert!(off <= shift.doubt_s, "{number}: {shift:?}");
+                assert!((shift.moved_scatter / 0.03 - 1.0).abs() < 0.2, "{number}: {shift:?}");
+            }
+            other => panic!("{number}: {other:?}"),
+        }
     }
 }
 

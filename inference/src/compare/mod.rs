@@ -419,12 +419,12 @@ fn ratios(
 
 /// The warning that the measured times are off, with what may be the reason of such a number of seconds.
 fn shifted(shift: &TimeShift, measured: &MeasuredPass, exposure_s: &[f64]) -> String {
-    // Finer the shift is not looked for, and light curves do not tell.
-    const NEAR_S: f64 = 0.5;
+    // Clocks and centres of exposures are often half a second off.
+    let near_s = shift.doubt_s.max(0.5);
     let tai_s = measured.times[0].leap_seconds(true).unwrap_or(37.0);
     let half_s = median(exposure_s.iter().copied()).unwrap_or(0.0) / 2.0;
     let scales = [("TAI", tai_s), ("GPS time", tai_s - 19.0), ("Terrestrial Time", tai_s + 32.184)];
-    let named = scales.iter().find(|(_, s)| (shift.late_s.abs() - s).abs() < NEAR_S);
+    let named = scales.iter().find(|(_, s)| (shift.late_s.abs() - s).abs() < near_s);
     let off = shift.late_s.abs();
     let reason = match named {
         Some((scale, s)) => format!("{scale} and UTC are {s} s apart"),
@@ -435,7 +435,8 @@ fn shifted(shift: &TimeShift, measured: &MeasuredPass, exposure_s: &[f64]) -> St
     };
     let way = if shift.late_s > 0.0 { "earlier" } else { "later" };
     format!(
-        "measured and simulated light agree much better with the measured times {off:.1} s {way} (scatter {:.2} % instead of {:.2} %): {reason}",
+        "measured and simulated light agree much better with the measured times {off:.1} s {way}, ± {:.1} s (scatter {:.2} % instead of {:.2} %): {reason}",
+        shift.doubt_s,
         1e2 * shift.moved_scatter,
         1e2 * shift.scatter
     )
