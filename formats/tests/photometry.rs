@@ -546,6 +546,60 @@ mod made_by_others {
         assert_eq!(found.samples.magnitude, [7.25, 7.5]);
     }
 
+    /// Truth: by hand; 5 March is day 31 + 29 + 5 of the leap year 2024. All countries that write dots write the day first (Unicode CLDR 46, `d.M.y` in each such locale).
+    #[test]
+    fn dates_with_the_day_first_and_of_the_year() {
+        for text in [
+            "date,mag\n05.03.2024 18:00:00,7.25\n05.03.2024 18:00:02,7.5\n",
+            "date;mag\n5.3.2024 18:00:00;7,25\n5.3.2024 18:00:02,0;7,5\n",
+            "date mag\n05.03.2024 18:00:00 7.25\n05.03.2024 18:00:02 7.5\n",
+            "date,time,mag\n05.03.2024,18:00:00,7.25\n05.03.2024,18:00:02,7.5\n",
+            "date,mag\n05.03.2024 20:00:00+02:00,7.25\n05.03.2024T18:00:02Z,7.5\n",
+            "time_utc,mag\n2024-065T18:00:00,7.25\n2024-065T18:00:02.0,7.5\n",
+            "time_utc mag\n2024-065 18:00:00 7.25\n2024-065 18:00:02 7.5\n",
+            "time_utc;mag\n2024-065T20:00:00+02:00;7,25\n2024-065T18:00:02Z;7,5\n",
+            "date,time,mag\n2024-065,18:00:00,7.25\n2024-065,18:00:02,7.5\n",
+        ] {
+            let found = read(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            holds(&found, 9);
+        }
+        for (date, words) in [
+            ("03/04/2021 20:31:05", "the day or the month may be the first of them"),
+            ("25/03/2021 20:31:05", "2021-04-03"),
+            ("3/4/21 20:31:05", "the day or the month may be the first of them"),
+            ("03-04-2021 20:31:05", "the day or the month may be the first of them"),
+            ("29.02.2021 20:31:05", "a day of the calendar"),
+            ("25.13.2021 20:31:05", "a day of the calendar"),
+            ("2021-366T20:31:05", "a day of the year"),
+            ("2021-000T20:31:05", "a day of the year"),
+            ("2021.084T20:31:05", "expected UTC as"),
+            ("1.2.3.2021 20:31:05", "expected UTC as"),
+            ("005.03.2024 20:31:05", "expected UTC as"),
+        ] {
+            let error = read(&format!("date,mag\n{date},7.25\n{date},7.5\n")).unwrap_err();
+            assert!(error.contains(words), "{date}: {error}");
+        }
+    }
+
+    /// Truth: IERS bulletin C 52: the last minute of 2016 had 61 s; day 366 of it is 31 December.
+    #[test]
+    fn a_leap_second_in_a_table() {
+        for text in [
+            "date,time,mag\n2016-12-31,23:59:59.5,1\n2016-12-31,23:59:60.5,2\n2017-01-01,00:00:00.5,3\n",
+            "date,time,mag\n31.12.2016,23:59:59.5,1\n31.12.2016,23:59:60.5,2\n01.01.2017,00:00:00.5,3\n",
+            "time mag\n31.12.2016 23:59:59.5 1\n31.12.2016 23:59:60.5 2\n01.01.2017 00:00:00.5 3\n",
+            "time,mag\n2016-366T23:59:59.5,1\n2016-366T23:59:60.5,2\n2017-001T00:00:00.5,3\n",
+            "date,time,mag\n2017-01-01,01:59:59.5+02:00,1\n2017-01-01,01:59:60.5+02:00,2\n2017-01-01,02:00:00.5+02:00,3\n",
+        ] {
+            let found = read(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            let times: Vec<String> = found.samples.time.iter().map(|t| format_utc(*t, 1)).collect();
+            let truth = ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"];
+            assert_eq!(times, truth, "{text}");
+        }
+        let error = read("date,time,mag\n2015-12-31,23:59:60,1\n2015-12-31,23:59:59,1\n").unwrap_err();
+        assert!(error.contains("the IERS announced one"), "{error}");
+    }
+
     #[test]
     fn separators_and_forms_of_times() {
         let utc = names(|n| n.scale = Some(Scale::Utc));
