@@ -440,7 +440,7 @@ for t in [Time(2454833.25, [169.51998136, 1325.29454859], format='jd', scale='td
     let kepler = table("kepler.fits");
     let read = times("kepler.fits").unwrap().unwrap();
     let found: Vec<String> = read.time.iter().map(|t| format_utc(*t, 3)).collect();
-    // A day in a double since the origin is good to some nanoseconds, TDB here to 30 µs.
+    // A day in a double since the origin is good to some nanoseconds, TDB here to 10 µs.
     assert_eq!(found, truth[..2].iter().map(|t| format!("{t}Z")).collect::<Vec<_>>());
     assert_eq!(
         (names.flux_of(&kepler), names.sigma_of(&kepler, true)),
@@ -593,10 +593,12 @@ mod made_by_others {
         ] {
             let found = read(text).unwrap_or_else(|error| panic!("{text}: {error}"));
             let times: Vec<String> = found.samples.time.iter().map(|t| format_utc(*t, 1)).collect();
-            let truth = ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"];
+            let truth =
+                ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"];
             assert_eq!(times, truth, "{text}");
         }
-        let error = read("date,time,mag\n2015-12-31,23:59:60,1\n2015-12-31,23:59:59,1\n").unwrap_err();
+        let error =
+            read("date,time,mag\n2015-12-31,23:59:60,1\n2015-12-31,23:59:59,1\n").unwrap_err();
         assert!(error.contains("the IERS announced one"), "{error}");
     }
 
@@ -1097,4 +1099,76 @@ fn one_track_of_mmt9_has_no_number() {
     assert_eq!(found.format, "MMT-9 text");
     assert_eq!(found.samples.magnitude, [7.25, 7.5]);
     assert_eq!(found.samples.camera.unwrap(), ["5", "5"]);
+}
+
+/// The layout of DAMIT's lc.txt (synthetic). Truth: JD 2460375.25 is 2024-03-05T18:00 (Meeus, chapter 7); the intensity 2.5 is −0.99485 mag (−2.5 lg 2.5); seen from the asteroid the Earth
+/// stands 1 au beside the Sun at 2 au, and at 3 au: phase angles of atan 1/2 and atan 1/3.
+#[test]
+fn light_curves_for_inversion_with_their_counts_and_without() {
+    let read = |text: &str, scale: Option<Scale>| {
+        let mut names = ColumnNames::default();
+        names.scale = scale;
+        import("lc.txt", text.as_bytes().to_vec(), &names, &ObjectRows::One)
+            .map_err(|error| error.to_string())
+    };
+    let rows = [
+        "2460375.25 1.000000 2 0 0 2 1 0",
+        "2460375.50 2.500000 2 0 0 2.0 0 -1",
+        "2460376.25 1.5e0 0 3 0 0 3 1",
+    ];
+    let [a, b, c] = rows;
+    let whole = format!("2\n2 0\n{a}\n{b}\n1 1\n{c}\n");
+    for text in [&whole, &format!("{a}\n{b}\n\n{c}\n"), &whole.replace('\n', "\r\n")] {
+        let found = read(text, Some(Scale::Utc)).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let samples = found.samples;
+        let times: Vec<String> = samples.time.iter().map(|t| format_utc(*t, 3)).collect();
+        let truth =
+            ["2024-03-05T18:00:00.000Z", "2024-03-06T00:00:00.000Z", "2024-03-06T18:00:00.000Z"];
+        assert_eq!(times, truth, "{text}");
+        assert!(found.of_flux && samples.is_relative);
+        // Five digits of the logarithm above.
+        assert!((samples.magnitude[1] + 0.99485).abs() < 5e-6, "{:?}", samples.magnitude);
+        let phase = samples.phase_deg.unwrap();
+        let truth = [0.5_f64, 0.5, 1.0 / 3.0].map(|tan| tan.atan().to_degrees());
+        assert!(phase.iter().zip(truth).all(|(p, t)| (p - t).abs() < 1e-9), "{phase:?}");
+        assert_eq!(samples.session.unwrap(), ["1", "1", "2"]);
+        let says = |words: &str| samples.notes.iter().any(|n| n.contains(words));
+        assert!(says("the light's way") && says("zero point"), "{:?}", samples.notes);
+    }
+    // Which scale the dates are in, the files do not say.
+    assert!(read(&whole, None).unwrap_err().contains("--time-scale"));
+    let utc = |text: &str| read(text, Some(Scale::Utc)).unwrap_err();
+    for (text, words) in [
+        (
+            whole.replace("1 1\n", "2 1\n"),
+            "found the end of the file, expected 2 rows, as line 5 says; there are 1",
+        ),
+        (
+            whole.replacen("2\n", "3\n", 1),
+            "found the end of the file, expected light curve 3 of 3, as line 1 says",
+        ),
+        (
+            whole.replacen("2\n", "1\n", 1),
+            "lc.txt:5: found `1 1`, expected the end after 1 light curve, as line 1 says",
+        ),
+        (whole.replace("2 0\n246", "1 0\n246"), "lc.txt:4: found `2460375.5 2.5 2"),
+        (
+            whole.replace("2.0 0 -1", "2.0 0 -9"),
+            "lc.txt:4: found `2460375.5 2.5 2 0 0 2 0 -9`, expected rows of 8 numbers",
+        ),
+        (
+            format!("{a}\n{}\n", b.replace("-1", "")),
+            "lc.txt:2: found `2460375.5 2.5 2 0 0 2 0`, expected rows of 8 numbers",
+        ),
+        (
+            "4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 3 2\n1 2 4\n1 4 3\n2 3 4\n".into(),
+            "lc.txt:1: found a shape of 4 vertices and 4 facets (DAMIT's shape.txt), expected light curves",
+        ),
+        // The Earth 5 au from the Sun: these are other columns.
+        ("2460375.25 1 2 0 0 2 5 0\n".into(), "names of the columns in the first line"),
+        ("1\n2\n3\n".into(), "names of the columns in the first line"),
+    ] {
+        let error = utc(&text);
+        assert!(error.contains(words), "{text}{error}\nshould have: {words}");
+    }
 }

@@ -1,4 +1,4 @@
-//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables; and tables of named columns (ECSV, CSV, words between blanks,
+//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables, DAMIT's light curves; and tables of named columns (ECSV, CSV, words between blanks,
 //! FITS, VOTable) with their times as UTC, as Julian dates with their scale, or since an origin that the file states.
 //!
 //! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
@@ -11,6 +11,7 @@
 //! *Tracking Data Message*, of which magnitudes (`MAG`) are read.
 
 mod columns;
+mod damit;
 mod import;
 mod missing;
 mod objects;
@@ -20,13 +21,13 @@ mod words;
 pub mod write;
 mod xml;
 
+pub use crate::time::{Scale, moment};
 pub use columns::{
     ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, column_times, exposures,
     filter_column, without_signs_of_fluxes,
 };
 pub use import::{Import, ImportError, import};
 pub use missing::without_words_for_none;
-pub use crate::time::{Scale, moment};
 pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
 use crate::text::counted;
@@ -160,7 +161,7 @@ pub enum Source {
     Table(&'static str, Box<Table>),
 }
 
-/// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable. Files packed with gzip are unpacked.
+/// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable, or DAMIT's light curves. Files packed with gzip are unpacked.
 ///
 /// # Errors
 /// Bytes that are none of these; what a format does not allow, with its place; a table without a row.
@@ -224,7 +225,12 @@ fn opened(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, Par
         }
         return Ok(Source::Table("ECSV", Box::new(table)));
     }
-    let (name, mut table) = words::read(path, &text, columns)?;
+    // Names that are given say what numbers are.
+    let known = if columns.is_empty() { damit::read(path, &text) } else { None };
+    let (name, mut table) = match known {
+        Some(table) => ("DAMIT's light curves", table?),
+        None => words::read(path, &text, columns)?,
+    };
     if let Some(note) = note {
         let notes =
             table.meta.entry(words::READING_NOTES).or_insert_with(|| Vec::<String>::new().into());
