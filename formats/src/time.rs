@@ -225,8 +225,8 @@ impl Digits {
         if let Some(time) = time
             && time.contains(['+', '-'])
         {
-            let hint = has_leap_seconds
-                .then_some("times are UTC: subtract the offset and end with Z");
+            let hint =
+                has_leap_seconds.then_some("times are UTC: subtract the offset and end with Z");
             return Err(bad(expected, hint));
         }
         let [year, month, day] = numbers(date, '-', [4, 2, 2]).ok_or_else(form)?;
