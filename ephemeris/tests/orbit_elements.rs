@@ -296,8 +296,8 @@ fn a_bad_ephemeris_is_refused_with_its_line() {
         (
             oem,
             "TIME_SYSTEM = UTC",
-            "TIME_SYSTEM = UT1",
-            "x:8: EPOCH: found `UT1`, expected UTC, TAI, TT or GPS",
+            "TIME_SYSTEM = TCB",
+            "x:6: TIME_SYSTEM: found `TCB`, expected UTC, UT1, TAI, TT, TDB or GPS",
         ),
         (oem, "REF_FRAME = GCRF\n", "", "x:7: REF_FRAME: found no such key"),
         (oem, "7000 0 0", "7000 0 nan", "x:8: found `nan`, expected a finite number"),
@@ -318,6 +318,76 @@ fn a_bad_ephemeris_is_refused_with_its_line() {
     ] {
         assert!(text.contains(from), "{from}");
         let error = Ephemeris::parse("x", &text.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}\nshould have: {expected}");
+    }
+}
+
+/// Truth: astropy 8.0.2 (`Time(text, scale=…).utc`, UT1 by its table IERS B), and of GPS its constant 19 s to TAI. TDB is good to the 10 µs of its series, UT1 to the
+/// 1.1 ms of the embedded table, which follows UT1 through a leap second.
+#[test]
+fn an_ephemeris_may_be_in_any_scale_of_time() {
+    let first = |scale: &str, at: &str, next: &str| {
+        let text = format!(
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = {scale}\nMETA_STOP\n\
+             {at} 7000 0 0 0 7.5 0\n{next} 6985 450 0 -0.5 7.48 0\n"
+        );
+        Ephemeris::parse("a.oem", &text).map(|read| read.range().0).map_err(|e| e.to_string())
+    };
+    for (scale, at, utc, within_s) in [
+        ("UTC", "2022-03-20T20:00:00", "2022-03-20T20:00:00Z", 0.0),
+        ("UTC", "2022-079T20:00:00", "2022-03-20T20:00:00Z", 0.0),
+        ("TAI", "2022-03-20T20:00:00", "2022-03-20T19:59:23Z", 0.0),
+        ("TT", "2022-03-20T20:00:00.5", "2022-03-20T19:58:51.316Z", 0.0),
+        ("TT", "2022-079T20:00:00.5Z", "2022-03-20T19:58:51.316Z", 0.0),
+        ("GPS", "2022-03-20T20:00:00", "2022-03-20T19:59:42Z", 0.0),
+        ("TDB", "2022-03-20T20:00:00", "2022-03-20T19:58:50.814393674Z", 10e-6),
+        ("TDB", "2020-10-03T12:00:00", "2020-10-03T11:58:50.817688705Z", 10e-6),
+        ("UT1", "2022-03-20T20:00:00", "2022-03-20T20:00:00.100485567Z", 1.1e-3),
+        ("UT1", "2020-10-03T12:00:00", "2020-10-03T12:00:00.173030550Z", 1.1e-3),
+        ("UT1", "2016-12-31T23:59:50", "2016-12-31T23:59:50.408712884Z", 1.1e-3),
+        ("UT1", "2017-01-01T00:00:00", "2016-12-31T23:59:60.408712994Z", 1.1e-3),
+        ("tai", "2017-01-01T00:00:36", "2016-12-31T23:59:60Z", 0.0),
+    ] {
+        // A later row: the first is what is asked for.
+        let read = first(scale, at, "2022-03-20T20:01:00");
+        let read = read.unwrap_or_else(|error| panic!("{scale} {at}: {error}"));
+        let apart = (read - parse_utc(utc).unwrap()).to_seconds();
+        assert!(apart.abs() <= within_s, "{scale} {at}: {apart} s");
+    }
+    for (scale, at, expected) in [
+        (
+            "MRT",
+            "2022-03-20T20:00:00",
+            "a.oem:6: TIME_SYSTEM: found `MRT`, expected UTC, UT1, TAI, TT, TDB or GPS",
+        ),
+        (
+            "UT1",
+            "2095-03-20T20:00:00",
+            "a.oem:8: EPOCH: found `2095-03-20T20:00:00`, expected a time in UTC: UT1 is not known then",
+        ),
+        (
+            "TT",
+            "2016-12-31T23:59:60",
+            "a.oem:8: EPOCH: found `2016-12-31T23:59:60`, expected a second from 0 to 59",
+        ),
+        (
+            "TT",
+            "2022-02-29T23:59:00",
+            "a.oem:8: EPOCH: found `2022-02-29T23:59:00`, expected a day of the calendar",
+        ),
+        (
+            "TT",
+            "2022-366T23:59:00",
+            "a.oem:8: EPOCH: found `2022-366T23:59:00`, expected a day of the year",
+        ),
+        ("GPS", "2022-03-20T20:00:00+01:00", "a.oem:8: EPOCH: found"),
+        (
+            "TAI",
+            "1971-03-20T20:00:00",
+            "a.oem:8: EPOCH: found `1971-03-20T20:00:00`, expected a year from 1972",
+        ),
+    ] {
+        let error = first(scale, at, "2022-03-20T20:01:00").unwrap_err();
         assert!(error.contains(expected), "{error}\nshould have: {expected}");
     }
 }

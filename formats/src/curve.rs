@@ -60,8 +60,8 @@ pub fn read(path: impl AsRef<Path>, column: Option<&str>) -> Result<Curve, FileE
 ///
 /// # Errors
 /// A [`ParseError`] with line and column: no such column, a value that is no finite number, a grid that does not
-/// increase (or wavelengths that turn), a wrong number of fields, less than two rows, wavelengths above 100 µm throughout, a column
-/// in percent without a value above 1.
+/// increase (or wavelengths that turn), a wrong number of fields, less than two rows, wavelengths that are obviously in another
+/// unit (nanometres as micrometres, micrometres or ångström as nanometres), a column in percent without a value above 1.
 pub fn read_str(
     path: impl AsRef<Path>,
     text: &str,
@@ -97,7 +97,7 @@ pub fn read_str(
     let index = value_column(path, header, &names, column)?;
     let (x_name, x_factor) = converted(&names[0]);
     let (y_name, y_factor) = converted(&names[index]);
-    let mut found = Rows::new(path, &names[0], x_name, y_name);
+    let mut found = Rows::new(path, &names[0], Unit::of(&names[0], x_factor), x_name, y_name);
     found.curve.notes = notes;
     while let Some(line) = next(&mut record)? {
         if record.len() != names.len() {
@@ -117,7 +117,7 @@ pub fn read_str(
         let (x, y) = (number(0, x_factor)?, number(index, y_factor)?);
         found.push(line, &record[0], x, y)?;
     }
-    let curve = found.finish(x_factor)?;
+    let curve = found.finish()?;
     let most = curve.y.iter().copied().fold(0.0, f64::max);
     if let Some(stem) = without_percent(&names[index])
         && most > 0.0
@@ -137,13 +137,14 @@ struct Rows<'a> {
     path: &'a Path,
     /// The grid's name in the file.
     name: &'a str,
+    unit: Unit,
     curve: Curve,
     /// Whether it goes down: libraries list wavelengths from long to short, too.
     falling: bool,
 }
 
 impl<'a> Rows<'a> {
-    fn new(path: &'a Path, name: &'a str, x_name: String, y_name: String) -> Self {
+    fn new(path: &'a Path, name: &'a str, unit: Unit, x_name: String, y_name: String) -> Self {
         let curve = Curve {
             x: Vec::new(),
             y: Vec::new(),
@@ -152,7 +153,7 @@ impl<'a> Rows<'a> {
             notes: Vec::new(),
             lines: Vec::new(),
         };
-        Self { path, name, curve, falling: false }
+        Self { path, name, unit, curve, falling: false }
     }
 
     /// `shown` is `x` as the file has it.
@@ -180,7 +181,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    fn finish(self, x_factor: Factor) -> Result<Curve, ParseError> {
+    fn finish(self) -> Result<Curve, ParseError> {
         let mut curve = self.curve;
         if curve.x.len() < 2 {
             let found = format!("{} rows of values", curve.x.len());
@@ -191,16 +192,61 @@ impl<'a> Rows<'a> {
             curve.y.reverse();
             curve.lines.reverse();
         }
+        self.unit.check(self.path, self.name, &curve)?;
+        Ok(curve)
+    }
+}
+
+/// Unit of a grid that its name says, which somebody may have got wrong.
+#[derive(Clone, Copy)]
+enum Unit {
+    /// `wavelength_nm`.
+    Nanometre,
+    /// Micrometres.
+    Micrometre,
+    /// No wavelengths, or a file that says its unit in words of its own.
+    Other,
+}
+
+impl Unit {
+    fn of(name: &str, factor: Factor) -> Self {
+        match factor {
+            Factor::Times(_) => Self::Micrometre,
+            _ if name.eq_ignore_ascii_case("wavelength_nm") => Self::Nanometre,
+            _ => Self::Other,
+        }
+    }
+
+    /// Refuses wavelengths that are obviously in another unit, by where they begin and end, nm. Each refusal names the column in which the same numbers would be read as they stand.
+    fn check(self, path: &Path, name: &str, curve: &Curve) -> Result<(), ParseError> {
         // No optics are tabulated beyond 100 µm only.
         const FARTHEST_NM: f64 = 1e5;
-        if matches!(x_factor, Factor::Times(_)) && curve.x[0] >= FARTHEST_NM {
-            let (first, last) = (curve.x[0] / 1e3, curve.x[curve.x.len() - 1] / 1e3);
-            let found = format!("{first} to {last} µm");
-            let error = ParseError::new(self.path, found, "wavelengths in micrometres");
-            let hint = "if they are in nanometres, name the column wavelength_nm";
-            return Err(error.in_field(self.name).with_hint(hint));
+        // Nor below 20 nm only.
+        const NEAREST_NM: f64 = 20.0;
+        // The optics and detectors of the visible and the near infrared, in ångström.
+        const ANGSTROM: std::ops::RangeInclusive<f64> = 3000.0..=30_000.0;
+        let (first, last) = (curve.x[0], curve.x[curve.x.len() - 1]);
+        let wrong = |found: String, expected: &str, hint: &str| {
+            Err(ParseError::new(path, found, expected).in_field(name).with_hint(hint))
+        };
+        match self {
+            Self::Micrometre if first >= FARTHEST_NM => wrong(
+                format!("{} to {} µm", first / 1e3, last / 1e3),
+                "wavelengths in micrometres",
+                "if they are in nanometres, name the column wavelength_nm",
+            ),
+            Self::Nanometre if first >= 0.0 && last < NEAREST_NM => wrong(
+                format!("{first} to {last} nm"),
+                "wavelengths in nm",
+                "if they are in micrometres, name the column wavelength_um",
+            ),
+            Self::Nanometre if ANGSTROM.contains(&first) && ANGSTROM.contains(&last) => wrong(
+                format!("{first} to {last} nm"),
+                "wavelengths in nm",
+                "if they are in ångström, name the column wavelength_angstrom, or divide them by 10; if this is the infrared, write micrometres under wavelength_um",
+            ),
+            _ => Ok(()),
         }
-        Ok(curve)
     }
 }
 
@@ -353,16 +399,16 @@ mod tests {
 
     #[test]
     fn each_row_knows_its_line() {
-        let text = "# a\n\nwavelength_nm,\"a\nname\",b\r\n# b\r\n1,2,3\n\r\n#\n2,3,\"two\nlines\"\n# c\n3,4,5";
+        let text = "# a\n\nwavelength_nm,\"a\nname\",b\r\n# b\r\n100,2,3\n\r\n#\n200,3,\"two\nlines\"\n# c\n300,4,5";
         let curve = read_str("f.csv", text, Some("a\nname")).unwrap();
         assert_eq!((0..3).map(|row| curve.line(row)).collect::<Vec<_>>(), [6, 9, 12]);
         // The same curve from other lines is the same curve.
         let notes = "# a\n# b\n#\n# c\n";
-        let text = format!("{notes}wavelength_nm,\"a\nname\"\n1,2\n2,3\n3,4\n");
+        let text = format!("{notes}wavelength_nm,\"a\nname\"\n100,2\n200,3\n300,4\n");
         let same = read_str("f.csv", &text, None).unwrap();
         assert_eq!((same.line(0), same.line(2)), (7, 9));
         assert_eq!(same, curve);
-        assert_ne!(read_str("f.csv", &text.replace("3,4", "3,5"), None).unwrap(), curve);
+        assert_ne!(read_str("f.csv", &text.replace("0,4", "0,5"), None).unwrap(), curve);
     }
 
     #[test]
@@ -402,12 +448,32 @@ mod tests {
             said.contains("400 to 1000 µm") && said.contains("name the column wavelength_nm"),
             "{said}"
         );
+        // Bessell's U, V and a silicon detector in ångström, the last as they begin and end in the table of a maker.
+        for (text, range) in [
+            ("wavelength_nm,transmission\n3000,0\n4200,1\n", "3000 to 4200 nm"),
+            ("wavelength_nm,transmission\n4700,0\n7000,1\n", "4700 to 7000 nm"),
+            ("Wavelength_nm,qe\n11000,0.1\n3000,0.3\n", "3000 to 11000 nm"),
+        ] {
+            let said = message(text);
+            for words in [range, "divide them by 10", "wavelength_angstrom", "wavelength_um"] {
+                assert!(said.contains(words), "{said}");
+            }
+        }
+        let said = message("wavelength_nm,n\n0.3,1\n14,2\n");
+        assert!(
+            said.contains("0.3 to 14 nm") && said.contains("name the column wavelength_um"),
+            "{said}"
+        );
         let said = message("wavelength_nm,qe_percent\n400,0.4\n1000,1\n");
         assert!(said.contains("f.csv:1: qe_percent") && said.contains("name it qe"), "{said}");
         // Infrared optics, a curve of which a part is black, one that is 0.
         for text in [
             "wavelength_um,n\n0.3,1\n30,2\n",
             "wavelength_um,n\n20,1\n99,2\n",
+            "wavelength_um,n\n3,1\n5,2\n",
+            "wavelength_angstrom,n\n3000,1\n11000,2\n",
+            "wavelength_nm,n\n2500,1\n25000,2\n",
+            "wavelength_nm,n\n3000,1\n100000,2\n",
             "wavelength_nm,qe_percent\n400,0.4\n500,1.1\n",
             "wavelength_nm,qe_percent\n400,0\n500,0\n",
         ] {

@@ -5,7 +5,7 @@ use crate::error::{EncodeError, FileError, ParseError};
 use crate::fits::{CardValue, Fits, Header, Image, Kind, Pixels, Writer};
 use crate::time::{format_utc_shortest, parse_utc};
 use hifitime::Epoch;
-use ndarray::{Array2, Ix2};
+use ndarray::Array2;
 use std::path::Path;
 
 /// A frame of a camera: the pixels, and what is needed to make sense of them.
@@ -238,6 +238,8 @@ fn pixels_u16(path: &Path, pixels: Pixels) -> Result<Array2<u16>, ParseError> {
     let bad = |field: &str, found: String, expected: &str| {
         ParseError::new(path, found, expected).in_field(field)
     };
+    let axes = pixels.shape().len();
+    let plane = pixels.rows_and_columns();
     let array = match pixels {
         Pixels::U16(array) => array,
         Pixels::U8(array) => array.mapv(u16::from),
@@ -250,10 +252,8 @@ fn pixels_u16(path: &Path, pixels: Pixels) -> Result<Array2<u16>, ParseError> {
         },
         _ => return Err(bad("BITPIX", "another type".into(), "8 or 16 bits without a scale")),
     };
-    let axes = array.ndim();
-    array
-        .into_dimensionality::<Ix2>()
-        .map_err(|_| bad("NAXIS", format!("{axes} axes"), "2 axes (one plane)"))
+    let plane = plane.and_then(|plane| array.into_shape_with_order(plane).ok());
+    plane.ok_or_else(|| bad("NAXIS", format!("{axes} axes"), "2 axes (one plane)"))
 }
 
 /// Typed access with errors that name the keyword.
@@ -451,7 +451,10 @@ mod tests {
             "f.fits: BITPIX: found another type, expected 8 or 16 bits without a scale",
         );
         refused(
-            |image| image.pixels = Pixels::U16(array![[[1_u16, 2]]].into_dyn()),
+            |image| {
+                image.pixels =
+                    Pixels::U16(array![[[1_u16, 2], [3, 4]], [[5, 6], [7, 8]]].into_dyn())
+            },
             "f.fits: NAXIS: found 3 axes, expected 2 axes (one plane)",
         );
     }

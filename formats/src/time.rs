@@ -7,8 +7,13 @@
 //!
 //! Between 1972 and 2100; after the last leap second known (2016-12-31) TAI − UTC stays 37 s.
 
+mod scale;
+
+pub use scale::{Scale, moment, parse_in};
+
 use crate::error::ParseError;
 use hifitime::{Duration, Epoch, TimeScale};
+use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 
@@ -51,6 +56,7 @@ const MJD_1900: i64 = 15020;
 const MJD_2100_LAST: i64 = 88433;
 const SECONDS_A_DAY: i64 = 86_400;
 const NANOSECONDS: i128 = 1_000_000_000;
+const DAY_NS: i128 = 86_400 * NANOSECONDS;
 const FORM: &str = "UTC as 2026-03-04T05:06:07.89Z";
 
 /// A text that is not a UTC time.
@@ -93,11 +99,15 @@ impl std::error::Error for UtcError {}
 /// # Errors
 /// [`UtcError`] says what stands there and what should.
 pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
-    parsed(text, text.strip_suffix(['Z', 'z']).unwrap_or(text), 0)
+    let (date, time) = split(text.strip_suffix(['Z', 'z']).unwrap_or(text));
+    Digits::read(text, date, time, 0, true)?.utc(text)
 }
 
-/// The instant of a text as other programs write it: [`parse_utc`]'s forms, with an offset from UTC such as `+02:00`, `-0500` or `+00`, and with strokes in a date that
-/// begins with the year (`2024/03/05`). Also whether the text says itself that it is UTC: an offset, or a `Z`.
+/// The instant of a text as other programs write it: [`parse_utc`]'s forms, with an offset from UTC such as `+02:00`, `-0500` or `+00`; with strokes in a date that
+/// begins with the year (`2024/03/05`), with the day of the year (`2024-065`), or with dots and the day first (`05.03.2024`). Decimals of a second beyond the ninth are left
+/// out. Also whether the text says itself that it is UTC: an offset, or a `Z`.
+///
+/// Dates with strokes that end with the year are refused: some write the day first, some the month. With dots it is the day everywhere (Unicode CLDR).
 ///
 /// # Errors
 /// [`UtcError`] says what stands there and what should.
@@ -107,83 +117,163 @@ pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
 ///
 /// let (time, is_zoned) = parse_zoned("2024/03/05 20:00:00.5+02:00")?;
 /// assert_eq!((format_utc(time, 1).as_str(), is_zoned), ("2024-03-05T18:00:00.5Z", true));
-/// assert!(!parse_zoned("2024-03-05T18:00:00")?.1);
+/// assert_eq!(parse_zoned("05.03.2024 18:00:00.5")?, (time, false));
+/// assert_eq!(parse_zoned("2024-065T18:00:00.5")?, (time, false));
 /// # Ok::<(), sunglint_formats::time::UtcError>(())
 /// ```
 pub fn parse_zoned(text: &str) -> Result<(Epoch, bool), UtcError> {
     let text = text.trim();
     let body = text.strip_suffix(['Z', 'z']).unwrap_or(text);
     let mut is_zoned = body.len() < text.len();
-    let body = if body.as_bytes().get(4) == Some(&b'/') {
-        body.replacen('/', "-", 2)
-    } else {
-        body.to_owned()
-    };
-    let clock_at = body.find(['T', 't', ' ']).unwrap_or(body.len());
-    let sign_at = body[clock_at..].rfind(['+', '-']).map(|at| clock_at + at);
-    let Some(at) = sign_at.filter(|_| !is_zoned) else {
-        return parsed(text, &body, 0).map(|time| (time, is_zoned));
-    };
-    is_zoned = true;
-    let sign = if body.as_bytes()[at] == b'-' { -1 } else { 1 };
-    let digits = &body[at + 1..];
-    let parts = match digits.len() {
-        2 => numbers(digits, ':', [2]).map(|[h]| [h, 0]),
-        4 if digits.is_ascii() => {
-            Some([number(&digits[..2]), number(&digits[2..])]).and_then(|[h, m]| Some([h?, m?]))
+    let (date, clock) = split(body);
+    let date = calendar(text, date)?;
+    let sign_at = clock.and_then(|clock| clock.rfind(['+', '-'])).filter(|_| !is_zoned);
+    let (clock, ahead_min) = match (clock, sign_at) {
+        (Some(clock), Some(at)) => {
+            let offset = offset_min(&clock[at..]).ok_or_else(|| UtcError {
+                found: crate::error::excerpt(text),
+                expected: FORM,
+                hint: None,
+            })?;
+            is_zoned = true;
+            (Some(clock[..at].trim_end()), offset)
         }
-        _ => numbers(digits, ':', [2, 2]),
+        _ => (clock, 0),
     };
-    let Some([hours, minutes]) = parts.filter(|[h, m]| *h <= 15 && *m < 60) else {
-        return Err(UtcError { found: crate::error::excerpt(text), expected: FORM, hint: None });
-    };
-    parsed(text, body[..at].trim_end(), sign * (hours * 60 + minutes)).map(|time| (time, is_zoned))
+    let at = Digits::read(text, &date, clock.map(nine_decimals), ahead_min, true)?;
+    Ok((at.utc(text)?, is_zoned))
 }
 
-/// The instant of a date and a time of day so many minutes ahead of UTC; `text` is what errors show.
-fn parsed(text: &str, body: &str, ahead_min: i64) -> Result<Epoch, UtcError> {
-    let bad = |expected, hint| UtcError { found: crate::error::excerpt(text), expected, hint };
-    let form = || bad(FORM, None);
-    let (date, time) = match body.split_once(['T', 't', ' ']) {
-        Some((date, time)) => (date, Some(time)),
+/// Minutes ahead of UTC of `+02:00`, `-0500` or `+00`.
+fn offset_min(text: &str) -> Option<i64> {
+    let digits = text.get(1..)?;
+    let sign = if text.starts_with('-') { -1 } else { 1 };
+    let [hours, minutes] = match digits.len() {
+        2 => numbers(digits, ':', [2]).map(|[h]| [h, 0])?,
+        4 if digits.is_ascii() => [number(&digits[..2])?, number(&digits[2..])?],
+        _ => numbers(digits, ':', [2, 2])?,
+    };
+    (hours <= 15 && minutes < 60).then_some(sign * (hours * 60 + minutes))
+}
+
+/// The date and the time of day of a text.
+fn split(body: &str) -> (&str, Option<&str>) {
+    match body.split_once(['T', 't', ' ']) {
+        Some((date, clock)) => (date, Some(clock)),
         None => (body, None),
-    };
-    if let Some(time) = time
-        && time.contains(['+', '-'])
-    {
-        return Err(bad(FORM, Some("times are UTC: subtract the offset and end with Z")));
     }
-    let [year, month, day] = numbers(date, '-', [4, 2, 2]).ok_or_else(form)?;
-    let (clock, nanoseconds) = match time {
-        None => ([0, 0, 0], 0),
-        Some(time) => clock(time).ok_or_else(form)?,
-    };
-    let [hour, minute, second] = clock;
-    if !(1972..=2100).contains(&year) {
-        return Err(bad("a year from 1972 to 2100", Some("UTC has whole leap seconds since 1972")));
+}
+
+/// A time of day with nine decimals of its seconds at most.
+fn nine_decimals(clock: &str) -> &str {
+    match clock.split_once('.') {
+        Some((whole, digits)) if digits.len() > 9 && digits.bytes().all(|b| b.is_ascii_digit()) => {
+            &clock[..whole.len() + 10]
+        }
+        _ => clock,
     }
-    if !(1..=12).contains(&month) || !(1..=days_in_month(year, month)).contains(&day) {
-        return Err(bad("a day of the calendar", None));
+}
+
+/// A date of another form as year-month-day; one that is none of these as it is. `text` is what errors show.
+fn calendar<'a>(text: &str, date: &'a str) -> Result<Cow<'a, str>, UtcError> {
+    let bad = |expected, hint| UtcError { found: crate::error::excerpt(text), expected, hint };
+    if let Some([year, day]) = numbers(date, '-', [4, 3]) {
+        let days = if days_in_month(year, 2) == 29 { 366 } else { 365 };
+        if !(1..=days).contains(&day) {
+            return Err(bad("a day of the year, 001 to 365, or 366 in a leap year", None));
+        }
+        let (year, month, day) = date_of(mjd_of(year, 1, 1) + day - 1);
+        return Ok(format!("{year:04}-{month:02}-{day:02}").into());
     }
-    // The minute of UTC: a leap second is at the end of a day of UTC, whatever the clock's offset.
-    let minutes = mjd_of(year, month, day) * 1440 + hour * 60 + minute - ahead_min;
-    let (mjd, minute_of_day) = (minutes.div_euclid(1440), minutes.rem_euclid(1440));
-    let leap = minute_of_day == 1439 && ends_with_leap_second(mjd);
-    if second == 60 && !leap && hour < 24 && minute < 60 {
-        return Err(bad(
-            "a second from 0 to 59",
-            Some("a second 60 is only at the end of a day for which the IERS announced one"),
-        ));
+    if date.as_bytes().get(4) == Some(&b'/') {
+        return Ok(date.replacen('/', "-", 2).into());
     }
-    if hour > 23 || minute > 59 || second > 60 {
-        return Err(bad("a time of day from 00:00:00 to 23:59:59", None));
+    let parts: Vec<&str> = date.split(['.', '/', '-']).collect();
+    let [first, second, year] = parts.as_slice() else { return Ok(date.into()) };
+    let is_short = |part: &str| matches!(part.len(), 1 | 2);
+    let all_digits = parts.iter().all(|part| part.bytes().all(|b| b.is_ascii_digit()));
+    if !all_digits || !is_short(first) || !is_short(second) {
+        return Ok(date.into());
     }
-    if !(TAI_MINUS_UTC[0].0..=MJD_2100_LAST).contains(&mjd) {
-        return Err(bad("a year from 1972 to 2100", None));
+    if year.len() == 4 && !date.contains(['/', '-']) {
+        return Ok(format!("{year}-{second:0>2}-{first:0>2}").into());
     }
-    let seconds = (mjd - MJD_1900) * SECONDS_A_DAY + minute_of_day * 60 + second;
-    let tai = i128::from(seconds + tai_minus_utc(mjd)) * NANOSECONDS + i128::from(nanoseconds);
-    Ok(Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai)))
+    let hint = "the day or the month may be the first of them: write 2021-04-03, or 03.04.2021 with the day first";
+    Err(bad(FORM, Some(hint)))
+}
+
+/// A day and the time on it, as their digits say.
+struct Digits {
+    mjd: i64,
+    /// Since the begin of the day.
+    nanoseconds: i128,
+}
+
+impl Digits {
+    /// The digits of a date and a time of day so many minutes ahead; second 60 where `has_leap_seconds` and there was one. `text` is what errors show.
+    fn read(
+        text: &str,
+        date: &str,
+        time: Option<&str>,
+        ahead_min: i64,
+        has_leap_seconds: bool,
+    ) -> Result<Self, UtcError> {
+        let bad = |expected, hint| UtcError { found: crate::error::excerpt(text), expected, hint };
+        let expected =
+            if has_leap_seconds { FORM } else { "a time such as 2026-03-04T05:06:07.89" };
+        let form = || bad(expected, None);
+        if let Some(time) = time
+            && time.contains(['+', '-'])
+        {
+            let hint =
+                has_leap_seconds.then_some("times are UTC: subtract the offset and end with Z");
+            return Err(bad(expected, hint));
+        }
+        let [year, month, day] = numbers(date, '-', [4, 2, 2]).ok_or_else(form)?;
+        let (clock, nanoseconds) = match time {
+            None => ([0, 0, 0], 0),
+            Some(time) => clock(time).ok_or_else(form)?,
+        };
+        let [hour, minute, second] = clock;
+        if !(1972..=2100).contains(&year) {
+            return Err(bad(
+                "a year from 1972 to 2100",
+                Some("UTC has whole leap seconds since 1972"),
+            ));
+        }
+        if !(1..=12).contains(&month) || !(1..=days_in_month(year, month)).contains(&day) {
+            return Err(bad("a day of the calendar", None));
+        }
+        // The minute of UTC: a leap second is at the end of a day of UTC, whatever the clock's offset.
+        let minutes = mjd_of(year, month, day) * 1440 + hour * 60 + minute - ahead_min;
+        let (mjd, minute_of_day) = (minutes.div_euclid(1440), minutes.rem_euclid(1440));
+        let leap = has_leap_seconds && minute_of_day == 1439 && ends_with_leap_second(mjd);
+        if second == 60 && !leap && hour < 24 && minute < 60 {
+            let hint = "a second 60 is only at the end of a day for which the IERS announced one";
+            let other = "only UTC has a second 60";
+            return Err(bad(
+                "a second from 0 to 59",
+                Some(if has_leap_seconds { hint } else { other }),
+            ));
+        }
+        if hour > 23 || minute > 59 || second > 60 {
+            return Err(bad("a time of day from 00:00:00 to 23:59:59", None));
+        }
+        let seconds = minute_of_day * 60 + second;
+        Ok(Self { mjd, nanoseconds: i128::from(seconds) * NANOSECONDS + i128::from(nanoseconds) })
+    }
+
+    fn outside(&self, text: &str) -> UtcError {
+        let found = crate::error::excerpt(text);
+        UtcError { found, expected: "a year from 1972 to 2100", hint: None }
+    }
+
+    /// The instant, where they are digits of UTC.
+    fn utc(&self, text: &str) -> Result<Epoch, UtcError> {
+        let day = UtcDay::of_mjd(self.mjd).ok_or_else(|| self.outside(text))?;
+        let tai = day.start_tai_ns + self.nanoseconds;
+        Ok(Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai)))
+    }
 }
 
 /// An instant as UTC text with `digits` decimals of a second (at most 9, which lose nothing) and a `Z`:

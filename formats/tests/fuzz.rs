@@ -70,3 +70,37 @@ fn campaign_fuzz() {
         fuzz.run(target);
     }
 }
+
+/// Truth: what stands in the seeds. A seed that its reader refuses reaches nothing behind the refusal.
+#[test]
+fn seeds_reach_the_readers_of_other_layouts() {
+    use sunglint_formats::photometry::{ColumnNames, ObjectRows, Scale, import};
+    let seed = |name: &str| {
+        let path = sunglint_testkit::repository().join("fixtures/fuzz").join(name);
+        std::fs::read(path).expect("a seed")
+    };
+    for name in ["index_nk.yml", "index_two.yml", "index_export.csv", "index_old.csv"] {
+        let text = String::from_utf8(seed(&format!("curve/{name}"))).expect("text");
+        for (column, values) in [("n", [0.5, 0.75]), ("k", [3.5, 4.0])] {
+            let curve = sunglint_formats::curve::read_str(name, &text, Some(column));
+            assert_eq!(curve.expect("a curve").y, values, "{name}");
+        }
+    }
+    let text = String::from_utf8(seed("curve/ecostress.txt")).expect("text");
+    let curve = sunglint_formats::curve::read_str("x", &text, Some("reflectance"));
+    assert_eq!(curve.expect("a curve").x, [300.0, 14_000.0]);
+    let mut names = ColumnNames::default();
+    names.scale = Some(Scale::Utc);
+    for (name, of_flux) in [
+        ("day_first.csv", false),
+        ("atlas.txt", false),
+        ("objects.csv", false),
+        ("fluxes.csv", true),
+        ("astroimagej.tbl", true),
+    ] {
+        let bytes = seed(&format!("photometry/{name}"));
+        let read = import(name, bytes, &names, &ObjectRows::All);
+        let read = read.unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((read.samples.time.len(), read.of_flux), (2, of_flux), "{name}");
+    }
+}

@@ -492,3 +492,19 @@ fn a_packed_file_that_unpacks_to_too_much_is_refused() {
     let error = sunglint_formats::fits::inflate("f.fits.z", damaged, 1 << 20).unwrap_err();
     assert!(error.to_string().starts_with("f.fits.z: found a damaged packed file"), "{error}");
 }
+
+/// Truth: the first bytes that gzip(1), compress(1), bzip2(1), xz(1), zstd(1) and zip(1) write (each format's own document).
+#[test]
+fn a_file_packed_in_another_way_is_named() {
+    for (bytes, name, command) in [
+        (&b"\x1f\x9d\x90SI"[..], "compress", "uncompress f.fits"),
+        (b"BZh91AY&SY", "bzip2", "bunzip2 f.fits"),
+        (b"\xfd7zXZ\0\0\x04", "xz", "unxz f.fits"),
+        (b"\x28\xb5\x2f\xfd\x04", "zstd", "unzstd f.fits"),
+        (b"PK\x03\x04\x14\0", "zip", "unzip f.fits"),
+    ] {
+        let error = sunglint_formats::fits::inflate("f.fits", bytes.to_vec(), 1 << 20);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains(command), "{error}");
+    }
+}

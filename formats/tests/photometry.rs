@@ -440,7 +440,7 @@ for t in [Time(2454833.25, [169.51998136, 1325.29454859], format='jd', scale='td
     let kepler = table("kepler.fits");
     let read = times("kepler.fits").unwrap().unwrap();
     let found: Vec<String> = read.time.iter().map(|t| format_utc(*t, 3)).collect();
-    // A day in a double since the origin is good to some nanoseconds, TDB here to 30 µs.
+    // A day in a double since the origin is good to some nanoseconds, TDB here to 10 µs.
     assert_eq!(found, truth[..2].iter().map(|t| format!("{t}Z")).collect::<Vec<_>>());
     assert_eq!(
         (names.flux_of(&kepler), names.sigma_of(&kepler, true)),
@@ -544,6 +544,62 @@ mod made_by_others {
         assert!(times.iter().zip(truth).all(|(t, truth)| near(t, truth)), "{times:?}");
         assert_eq!(times.len(), 2);
         assert_eq!(found.samples.magnitude, [7.25, 7.5]);
+    }
+
+    /// Truth: by hand; 5 March is day 31 + 29 + 5 of the leap year 2024. All countries that write dots write the day first (Unicode CLDR 46, `d.M.y` in each such locale).
+    #[test]
+    fn dates_with_the_day_first_and_of_the_year() {
+        for text in [
+            "date,mag\n05.03.2024 18:00:00,7.25\n05.03.2024 18:00:02,7.5\n",
+            "date;mag\n5.3.2024 18:00:00;7,25\n5.3.2024 18:00:02,0;7,5\n",
+            "date mag\n05.03.2024 18:00:00 7.25\n05.03.2024 18:00:02 7.5\n",
+            "date,time,mag\n05.03.2024,18:00:00,7.25\n05.03.2024,18:00:02,7.5\n",
+            "date,mag\n05.03.2024 20:00:00+02:00,7.25\n05.03.2024T18:00:02Z,7.5\n",
+            "time_utc,mag\n2024-065T18:00:00,7.25\n2024-065T18:00:02.0,7.5\n",
+            "time_utc mag\n2024-065 18:00:00 7.25\n2024-065 18:00:02 7.5\n",
+            "time_utc;mag\n2024-065T20:00:00+02:00;7,25\n2024-065T18:00:02Z;7,5\n",
+            "date,time,mag\n2024-065,18:00:00,7.25\n2024-065,18:00:02,7.5\n",
+        ] {
+            let found = read(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            holds(&found, 9);
+        }
+        for (date, words) in [
+            ("03/04/2021 20:31:05", "the day or the month may be the first of them"),
+            ("25/03/2021 20:31:05", "2021-04-03"),
+            ("3/4/21 20:31:05", "the day or the month may be the first of them"),
+            ("03-04-2021 20:31:05", "the day or the month may be the first of them"),
+            ("29.02.2021 20:31:05", "a day of the calendar"),
+            ("25.13.2021 20:31:05", "a day of the calendar"),
+            ("2021-366T20:31:05", "a day of the year"),
+            ("2021-000T20:31:05", "a day of the year"),
+            ("2021.084T20:31:05", "expected UTC as"),
+            ("1.2.3.2021 20:31:05", "expected UTC as"),
+            ("005.03.2024 20:31:05", "expected UTC as"),
+        ] {
+            let error = read(&format!("date,mag\n{date},7.25\n{date},7.5\n")).unwrap_err();
+            assert!(error.contains(words), "{date}: {error}");
+        }
+    }
+
+    /// Truth: IERS bulletin C 52: the last minute of 2016 had 61 s; day 366 of it is 31 December.
+    #[test]
+    fn a_leap_second_in_a_table() {
+        for text in [
+            "date,time,mag\n2016-12-31,23:59:59.5,1\n2016-12-31,23:59:60.5,2\n2017-01-01,00:00:00.5,3\n",
+            "date,time,mag\n31.12.2016,23:59:59.5,1\n31.12.2016,23:59:60.5,2\n01.01.2017,00:00:00.5,3\n",
+            "time mag\n31.12.2016 23:59:59.5 1\n31.12.2016 23:59:60.5 2\n01.01.2017 00:00:00.5 3\n",
+            "time,mag\n2016-366T23:59:59.5,1\n2016-366T23:59:60.5,2\n2017-001T00:00:00.5,3\n",
+            "date,time,mag\n2017-01-01,01:59:59.5+02:00,1\n2017-01-01,01:59:60.5+02:00,2\n2017-01-01,02:00:00.5+02:00,3\n",
+        ] {
+            let found = read(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            let times: Vec<String> = found.samples.time.iter().map(|t| format_utc(*t, 1)).collect();
+            let truth =
+                ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"];
+            assert_eq!(times, truth, "{text}");
+        }
+        let error =
+            read("date,time,mag\n2015-12-31,23:59:60,1\n2015-12-31,23:59:59,1\n").unwrap_err();
+        assert!(error.contains("the IERS announced one"), "{error}");
     }
 
     #[test]
@@ -1043,4 +1099,76 @@ fn one_track_of_mmt9_has_no_number() {
     assert_eq!(found.format, "MMT-9 text");
     assert_eq!(found.samples.magnitude, [7.25, 7.5]);
     assert_eq!(found.samples.camera.unwrap(), ["5", "5"]);
+}
+
+/// The layout of DAMIT's lc.txt (synthetic). Truth: JD 2460375.25 is 2024-03-05T18:00 (Meeus, chapter 7); the intensity 2.5 is −0.99485 mag (−2.5 lg 2.5); seen from the asteroid the Earth
+/// stands 1 au beside the Sun at 2 au, and at 3 au: phase angles of atan 1/2 and atan 1/3.
+#[test]
+fn light_curves_for_inversion_with_their_counts_and_without() {
+    let read = |text: &str, scale: Option<Scale>| {
+        let mut names = ColumnNames::default();
+        names.scale = scale;
+        import("lc.txt", text.as_bytes().to_vec(), &names, &ObjectRows::One)
+            .map_err(|error| error.to_string())
+    };
+    let rows = [
+        "2460375.25 1.000000 2 0 0 2 1 0",
+        "2460375.50 2.500000 2 0 0 2.0 0 -1",
+        "2460376.25 1.5e0 0 3 0 0 3 1",
+    ];
+    let [a, b, c] = rows;
+    let whole = format!("2\n2 0\n{a}\n{b}\n1 1\n{c}\n");
+    for text in [&whole, &format!("{a}\n{b}\n\n{c}\n"), &whole.replace('\n', "\r\n")] {
+        let found = read(text, Some(Scale::Utc)).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let samples = found.samples;
+        let times: Vec<String> = samples.time.iter().map(|t| format_utc(*t, 3)).collect();
+        let truth =
+            ["2024-03-05T18:00:00.000Z", "2024-03-06T00:00:00.000Z", "2024-03-06T18:00:00.000Z"];
+        assert_eq!(times, truth, "{text}");
+        assert!(found.of_flux && samples.is_relative);
+        // Five digits of the logarithm above.
+        assert!((samples.magnitude[1] + 0.99485).abs() < 5e-6, "{:?}", samples.magnitude);
+        let phase = samples.phase_deg.unwrap();
+        let truth = [0.5_f64, 0.5, 1.0 / 3.0].map(|tan| tan.atan().to_degrees());
+        assert!(phase.iter().zip(truth).all(|(p, t)| (p - t).abs() < 1e-9), "{phase:?}");
+        assert_eq!(samples.session.unwrap(), ["1", "1", "2"]);
+        let says = |words: &str| samples.notes.iter().any(|n| n.contains(words));
+        assert!(says("the light's way") && says("zero point"), "{:?}", samples.notes);
+    }
+    // Which scale the dates are in, the files do not say.
+    assert!(read(&whole, None).unwrap_err().contains("--time-scale"));
+    let utc = |text: &str| read(text, Some(Scale::Utc)).unwrap_err();
+    for (text, words) in [
+        (
+            whole.replace("1 1\n", "2 1\n"),
+            "found the end of the file, expected 2 rows, as line 5 says; there are 1",
+        ),
+        (
+            whole.replacen("2\n", "3\n", 1),
+            "found the end of the file, expected light curve 3 of 3, as line 1 says",
+        ),
+        (
+            whole.replacen("2\n", "1\n", 1),
+            "lc.txt:5: found `1 1`, expected the end after 1 light curve, as line 1 says",
+        ),
+        (whole.replace("2 0\n246", "1 0\n246"), "lc.txt:4: found `2460375.5 2.5 2"),
+        (
+            whole.replace("2.0 0 -1", "2.0 0 -9"),
+            "lc.txt:4: found `2460375.5 2.5 2 0 0 2 0 -9`, expected rows of 8 numbers",
+        ),
+        (
+            format!("{a}\n{}\n", b.replace("-1", "")),
+            "lc.txt:2: found `2460375.5 2.5 2 0 0 2 0`, expected rows of 8 numbers",
+        ),
+        (
+            "4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 3 2\n1 2 4\n1 4 3\n2 3 4\n".into(),
+            "lc.txt:1: found a shape of 4 vertices and 4 facets (DAMIT's shape.txt), expected light curves",
+        ),
+        // The Earth 5 au from the Sun: these are other columns.
+        ("2460375.25 1 2 0 0 2 5 0\n".into(), "names of the columns in the first line"),
+        ("1\n2\n3\n".into(), "names of the columns in the first line"),
+    ] {
+        let error = utc(&text);
+        assert!(error.contains(words), "{text}{error}\nshould have: {words}");
+    }
 }

@@ -5,6 +5,7 @@ mod ecsv;
 mod fuzz;
 mod hostile;
 mod photometry;
+mod planes;
 mod session;
 mod toml;
 mod wcs;

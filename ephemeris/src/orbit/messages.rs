@@ -1,20 +1,22 @@
 //! Ephemerides of others: orbit ephemeris messages (OEM, CCSDS 502.0-B-3, in KVN and XML) and the predictions of the laser ranging
 //! service (CPF versions 1 and 2).
 //!
+//! Times of an OEM may be in UTC, TAI, TT and GPS, exactly; in TDB, which stays within 2 ms of TT (IERS Conventions 2010, section 10.1) and is taken from it by the largest terms
+//! of their difference, to 10 µs; in UT1, by the embedded table, to 1.1 ms (8 m of a low orbit).
+//!
 //! Rows are turned into the GCRS: from GCRF and ICRF as they are, from EME2000 by the frame bias (IAU 2000, 0.02″), from TEME as SGP4's, from
 //! an ITRF by the Earth's rotation with the embedded UT1 and pole.
 
 use super::EphemerisRow;
-use super::omm::calendar;
 use super::propagation::teme_to_gcrs;
 use super::tle::excerpt;
 use glam::{DMat3, DVec3};
-use hifitime::{Duration, Epoch, TimeScale};
+use hifitime::{Duration, Epoch};
 use roxmltree::{Document, Node, ParsingOptions};
 use std::path::Path;
 use sunglint_formats::ParseError;
-use sunglint_formats::time::{UtcDay, parse_utc};
-use sunglint_radiometry::sky::{EarthOrientation, SkyFrame};
+use sunglint_formats::time::{Scale, UtcDay, parse_in};
+use sunglint_radiometry::sky::{EarthOrientation, OrientationOrigin, SkyFrame, TimeError};
 
 /// Nodes of an XML document at most.
 const MOST_NODES: u32 = 50_000_000;
@@ -112,47 +114,53 @@ fn bias() -> DMat3 {
     DMat3::from_cols(DVec3::new(1.0, -da, xi), DVec3::new(da, 1.0, eta), DVec3::new(-xi, -eta, 1.0))
 }
 
-/// A time in the file's own scale.
-fn time(text: &str, scale: &str) -> Result<Epoch, (String, String)> {
-    let text = calendar(text);
-    let scale = match scale {
-        "UTC" => {
-            return parse_utc(&text).map_err(|error| {
-                let hint = error.hint.map_or(String::new(), |hint| format!(" ({hint})"));
-                (error.found.clone(), format!("{}{hint}", error.expected))
-            });
+/// Time system of a message.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum System {
+    /// A scale that runs with atomic clocks.
+    Clocks(Scale),
+    /// The Earth's rotation: by the embedded table, to 1.1 ms.
+    Ut1,
+}
+
+impl System {
+    const NAMES: &str = "UTC, UT1, TAI, TT, TDB or GPS";
+
+    fn named(name: &str) -> Option<Self> {
+        match name.eq_ignore_ascii_case("UT1") {
+            true => Some(Self::Ut1),
+            false => Scale::named(name).map(Self::Clocks),
         }
-        "TAI" => TimeScale::TAI,
-        "TT" => TimeScale::TT,
-        "GPS" => TimeScale::GPST,
-        _ => return Err((excerpt(scale), "UTC, TAI, TT or GPS".into())),
-    };
-    let bad = || (excerpt(&text), "a time such as 2026-03-04T05:06:07.5".to_owned());
-    let parts = || {
-        let (date, clock) = text.trim_end_matches('Z').split_once('T')?;
-        let mut date = date.split('-');
-        let (year, month, day) = (date.next()?, date.next()?, date.next()?);
-        let mut clock = clock.split(':');
-        let (hour, minute, second) = (clock.next()?, clock.next()?, clock.next()?);
-        let (second, fraction) = second.split_once('.').unwrap_or((second, ""));
-        let fraction = format!("{fraction:0<9}");
-        if date.next().is_some() || clock.next().is_some() || fraction.len() > 18 {
-            return None;
+    }
+
+    /// The instant of a text in the system; else what was found and what was expected.
+    fn instant(self, text: &str) -> Result<Epoch, (String, String)> {
+        let scale = match self {
+            Self::Clocks(scale) => scale,
+            // The same digits in a scale without leap seconds, as UT1 has none.
+            Self::Ut1 => Scale::Tai,
+        };
+        let epoch = parse_in(text, scale).map_err(|error| {
+            let hint = error.hint.map_or(String::new(), |hint| format!(" ({hint})"));
+            (error.found, format!("{}{hint}", error.expected))
+        })?;
+        if self != Self::Ut1 {
+            return Ok(epoch);
         }
-        let nanoseconds = fraction.get(..9)?.parse().ok()?;
-        Epoch::maybe_from_gregorian(
-            year.parse().ok().filter(|y| (1972..=2100).contains(y))?,
-            month.parse().ok()?,
-            day.parse().ok()?,
-            hour.parse().ok()?,
-            minute.parse().ok()?,
-            second.parse().ok()?,
-            nanoseconds,
-            scale,
-        )
-        .ok()
-    };
-    parts().ok_or_else(bad)
+        let earth = EarthOrientation::embedded();
+        let outside = |error: TimeError| (excerpt(text), error.to_string());
+        // UT1 − TAI changes by some 1 ms a day: once more at the instant so found is exact.
+        let mut tai = epoch;
+        for _ in 0..2 {
+            let at = earth.at(tai).map_err(outside)?;
+            if matches!(at.origin, OrientationOrigin::Outside { .. }) {
+                let expected = "a time in UTC: UT1 is not known then";
+                return Err((excerpt(text), expected.to_owned()));
+            }
+            tai = epoch - Duration::from_seconds(at.ut1_minus_tai_s);
+        }
+        Ok(tai)
+    }
 }
 
 /// Metadata of an OEM's one segment.
@@ -160,7 +168,7 @@ fn time(text: &str, scale: &str) -> Result<Epoch, (String, String)> {
 struct Meta {
     name: Option<String>,
     axes: Option<Axes>,
-    scale: Option<String>,
+    system: Option<System>,
 }
 
 impl Meta {
@@ -174,7 +182,10 @@ impl Meta {
                 let expected = "GCRF, ICRF, EME2000, TEME or an ITRF";
                 self.axes = Some(axes.ok_or_else(|| expected.to_owned())?);
             }
-            "TIME_SYSTEM" => self.scale = Some(value.to_uppercase()),
+            "TIME_SYSTEM" => {
+                let system = System::named(value);
+                self.system = Some(system.ok_or_else(|| System::NAMES.to_owned())?);
+            }
             _ => {}
         }
         Ok(())
@@ -187,8 +198,8 @@ impl Meta {
     ) -> Result<EphemerisRow, (&'static str, String, String)> {
         let missing = |key| (key, "no such key".to_owned(), "a value in the metadata".to_owned());
         let axes = self.axes.ok_or_else(|| missing("REF_FRAME"))?;
-        let scale = self.scale.as_deref().ok_or_else(|| missing("TIME_SYSTEM"))?;
-        let epoch = time(when, scale).map_err(|(found, expected)| ("EPOCH", found, expected))?;
+        let system = self.system.ok_or_else(|| missing("TIME_SYSTEM"))?;
+        let epoch = system.instant(when).map_err(|(found, expected)| ("EPOCH", found, expected))?;
         let vector = |from: usize| match numbers.get(from..from + 3) {
             Some(&[x, y, z]) => Some(DVec3::new(x, y, z) * 1e3),
             _ => None,

@@ -14,7 +14,7 @@ use serde_json::value::RawValue;
 use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
-use sunglint_formats::time::{format_utc_shortest, parse_utc};
+use sunglint_formats::time::{Scale, format_utc_shortest, parse_in};
 use sunglint_formats::{ParseError, nearest_names};
 
 /// Nodes of an XML document at most.
@@ -479,8 +479,7 @@ fn catalogue_id(text: &str) -> Option<u32> {
 /// The epoch twice: in TAI, and on the calendar as SGP4 takes it for the sidereal time.
 fn epoch(source: Source<'_>, entry: &Entry<'_>) -> Result<(Epoch, NaiveDateTime), ParseError> {
     let wrong = |error: ParseError| error.in_field("EPOCH");
-    let text = calendar(&entry.value);
-    let epoch = parse_utc(&text).map_err(|error| {
+    let epoch = parse_in(&entry.value, Scale::Utc).map_err(|error| {
         let at = source.error(entry.byte, error.found, error.expected);
         wrong(match error.hint {
             Some(hint) => at.with_hint(hint),
@@ -502,20 +501,6 @@ fn epoch(source: Source<'_>, entry: &Entry<'_>) -> Result<(Epoch, NaiveDateTime)
     let datetime = datetime()
         .ok_or_else(|| wrong(source.error(entry.byte, excerpt(&entry.value), "a UTC time")))?;
     Ok((epoch, datetime))
-}
-
-/// A date with a day of the year (`2026-190T…`) on the calendar; anything else as it is.
-pub(super) fn calendar(text: &str) -> Cow<'_, str> {
-    let changed = || {
-        let (date, time) = text.split_once('T')?;
-        let (year, day) = date.split_once('-')?;
-        if day.len() != 3 || year.len() != 4 {
-            return None;
-        }
-        let date = NaiveDate::from_yo_opt(year.parse().ok()?, day.parse().ok()?)?;
-        Some(format!("{date}T{time}"))
-    };
-    changed().map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
 /// A message in KVN: the shortest digits that give the same numbers.

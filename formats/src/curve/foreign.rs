@@ -2,7 +2,7 @@
 //!
 //! By what these sources publish, from memory; the files of the tests are made by hand.
 
-use super::{Curve, Factor, Rows};
+use super::{Curve, Factor, Rows, Unit};
 use crate::error::{ParseError, excerpt};
 use std::path::Path;
 
@@ -104,11 +104,12 @@ impl Indices {
                 return Err(error.at_line(line).with_hint(hint));
             }
         }
-        let mut found = Rows::new(path, "wavelength_um", "wavelength_nm".into(), name.into());
+        let (um, nm) = ("wavelength_um", "wavelength_nm");
+        let mut found = Rows::new(path, um, Unit::Micrometre, nm.into(), name.into());
         for row in rows {
             found.push(row.line, &row.um.to_string(), UM_TO_NM.apply(row.um), row.value)?;
         }
-        found.finish(UM_TO_NM)
+        found.finish()
     }
 }
 
@@ -202,7 +203,8 @@ fn ecostress(path: &Path, text: &str, column: Option<&str>) -> Result<Curve, Par
         return wrong("Y Units", &y, column.unwrap_or("reflectance"));
     }
     let to_fraction = if y.contains("percent") { Factor::Over(100.0) } else { Factor::One };
-    let mut found = Rows::new(path, "X", "wavelength_nm".into(), "reflectance".into());
+    let unit = Unit::of("X", to_nm);
+    let mut found = Rows::new(path, "X", unit, "wavelength_nm".into(), "reflectance".into());
     let lines = text.lines().enumerate().skip_while(|(_, line)| !line.trim().is_empty());
     for (k, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -212,5 +214,5 @@ fn ecostress(path: &Path, text: &str, column: Option<&str>) -> Result<Curve, Par
         };
         found.push(k as u64 + 1, words[0], to_nm.apply(x), to_fraction.apply(y))?;
     }
-    found.finish(to_nm)
+    found.finish()
 }

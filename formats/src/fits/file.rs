@@ -60,7 +60,7 @@ impl Hdu {
 /// The bytes of a file that may be packed with gzip or zlib, unpacked; bytes that are not packed as they are.
 ///
 /// # Errors
-/// A [`ParseError`] if the packed stream is damaged or unpacks to more than `most` bytes.
+/// A [`ParseError`] if the packed stream is damaged or unpacks to more than `most` bytes, or if it is packed in another way that is known, with the command that unpacks it.
 pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<u8>, ParseError> {
     use std::io::Read as _;
     let path = path.as_ref();
@@ -73,7 +73,15 @@ pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<
         [0x78, 0x01 | 0x5e | 0x9c | 0xda, ..] => flate2::read::ZlibDecoder::new(bytes.as_slice())
             .take(most.saturating_add(1))
             .read_to_end(&mut unpacked),
-        _ => return Ok(bytes),
+        other => {
+            let Some((name, command)) = packed_otherwise(other) else { return Ok(bytes) };
+            let error = ParseError::new(
+                path,
+                format!("a file packed with {name}"),
+                "a file that is not packed, or packed with gzip",
+            );
+            return Err(error.with_hint(format!("unpack it first: {command} {}", path.display())));
+        }
     };
     match result {
         Ok(read) if read as u64 > most => Err(ParseError::new(
@@ -87,6 +95,26 @@ pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<
                 .with_hint(error.to_string()))
         }
     }
+}
+
+/// The way in which bytes are packed, where it is one that is not read, and the command that unpacks them. Each by its first bytes.
+fn packed_otherwise(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    let known: [(&[u8], &str, &str); 6] = [
+        (b"\x1f\x9d", "compress", "uncompress"),
+        // After BZh comes the size of a block, then the digits of pi: no text begins so.
+        (b"1AY&SY", "bzip2", "bunzip2"),
+        (b"\xfd7zXZ\0", "xz", "unxz"),
+        (b"\x28\xb5\x2f\xfd", "zstd", "unzstd"),
+        (b"PK\x03\x04", "zip", "unzip"),
+        (b"7z\xbc\xaf\x27\x1c", "7-Zip", "7z x"),
+    ];
+    let is = |(first, name, _): &(&[u8], &str, &str)| match *name {
+        "bzip2" => {
+            bytes.starts_with(b"BZh") && bytes.get(4..).is_some_and(|b| b.starts_with(first))
+        }
+        _ => bytes.starts_with(first),
+    };
+    known.into_iter().find(is).map(|(_, name, command)| (name, command))
 }
 
 impl Fits {

@@ -31,6 +31,17 @@ macro_rules! pixels {
                 }
             }
 
+            /// Rows and columns of an image; axes of length 1 beside these two are none. `None` for a line or a cube.
+            pub fn rows_and_columns(&self) -> Option<[usize; 2]> {
+                match (plane(self.shape()), self.shape()) {
+                    ([rows, columns], _) => Some([*rows, *columns]),
+                    (_, shape) => {
+                        let long: Vec<usize> = shape.iter().copied().filter(|&n| n != 1).collect();
+                        <[usize; 2]>::try_from(long).ok()
+                    }
+                }
+            }
+
             /// All values as `f64`; 64-bit integers beyond 2^53 are rounded.
             pub fn to_f64(&self) -> ArrayD<f64> {
                 match self {
@@ -45,6 +56,14 @@ macro_rules! pixels {
             }
         })*
     };
+}
+
+/// A shape without the axes of length 1 behind the first two (before them in the order of numpy), as radio images have them for frequency and polarisation.
+fn plane(shape: &[usize]) -> &[usize] {
+    match shape {
+        [1, rest @ ..] if rest.len() >= 2 => plane(rest),
+        shape => shape,
+    }
 }
 
 pixels! {

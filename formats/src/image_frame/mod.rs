@@ -19,7 +19,7 @@ use crate::fits::{CardValue, Fits, Hdu, Header, Image, Kind, Pixels};
 use crate::frame::Bayer;
 use crate::wcs::Equatorial;
 use hifitime::Epoch;
-use ndarray::{Array2, Ix2};
+use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 /// Role of a frame.
@@ -384,20 +384,15 @@ fn plane(path: &Path, pixels: Pixels) -> Result<(Array2<f32>, Option<f64>), Pars
     };
     let shape = pixels.shape().to_vec();
     let bad = |found: String| ParseError::new(path, found, "one plane of pixels").in_field("NAXIS");
-    // Axes of length 1 are no planes.
-    let long: Vec<usize> = shape.iter().copied().filter(|&n| n != 1).collect();
-    let [rows, columns] = match (shape.as_slice(), long.as_slice()) {
-        ([rows, columns], _) | (_, [rows, columns]) => [*rows, *columns],
-        ([.., 3, _, _] | [_, _, 3], _) => {
-            return Err(bad("a colour cube (three planes)".into())
-                .with_hint("write raw frames; debayered or stacked colours are no measurement"));
-        }
-        ([planes, _, _], _) => {
-            return Err(bad(format!("a cube of {planes} planes")).with_hint(
+    let Some([rows, columns]) = pixels.rows_and_columns() else {
+        return Err(match shape.as_slice() {
+            [.., 3, _, _] | [_, _, 3] => bad("a colour cube (three planes)".into())
+                .with_hint("write raw frames; debayered or stacked colours are no measurement"),
+            [planes, _, _] => bad(format!("a cube of {planes} planes")).with_hint(
                 "write each plane into a file of its own with its own DATE-OBS and EXPTIME: docs/frames-of-others.md has the lines of Python for it",
-            ));
-        }
-        _ => return Err(bad(format!("{} axes of lengths {shape:?}", shape.len()))),
+            ),
+            _ => bad(format!("{} axes of lengths {shape:?}", shape.len())),
+        });
     };
     if rows == 0 || columns == 0 {
         return Err(bad("an image without pixels".into()));
@@ -410,12 +405,8 @@ fn plane(path: &Path, pixels: Pixels) -> Result<(Array2<f32>, Option<f64>), Pars
         };
     }
     let array = flat!(U8, I8, I16, U16, I32, U32, I64, U64, F32, F64);
-    let array =
-        array.into_shape_with_order((rows, columns)).map(|a| a.into_dimensionality::<Ix2>());
-    match array {
-        Ok(Ok(array)) => Ok((array, full)),
-        _ => Err(bad(format!("axes of lengths {shape:?}"))),
-    }
+    let array = array.into_shape_with_order([rows, columns]);
+    Ok((array.map_err(|_| bad(format!("axes of lengths {shape:?}")))?, full))
 }
 
 impl FrameHeader {

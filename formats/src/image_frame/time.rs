@@ -3,8 +3,7 @@
 use super::{FrameTime, Reading};
 use crate::error::ParseError;
 use crate::fits::CardValue;
-use crate::photometry::{Scale, moment};
-use crate::time::{UtcDay, format_utc, parse_zoned, tai_nanoseconds};
+use crate::time::{Scale, UtcError, format_utc, moment, parse_in, parse_zoned};
 use hifitime::{Epoch, Unit};
 
 /// Moment of an exposure that a card names.
@@ -300,30 +299,20 @@ impl Reading<'_> {
             at = at.or_else(|| At::of_comment(self.comment(&name)));
             text = format!("{}T{time}", modern(&text).unwrap_or(text));
         }
-        let digits = text.split_once('.').map_or("", |(_, d)| d);
+        let clock = text.split_once(':').map_or("", |(_, clock)| clock);
+        let digits = clock.split_once('.').map_or("", |(_, digits)| digits);
         let decimals = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-        if decimals > 9
-            && let Some(dot) = text.find('.')
-        {
-            text.replace_range(dot + 10..dot + 1 + decimals, "");
-        }
-        let (epoch, is_zoned) =
-            parse_zoned(&text).map_err(|error| error.in_file(self.path).in_field(keyword))?;
-        if is_zoned && scale != Scale::Utc {
-            let error = self.bad(keyword, text, "a time without an offset, as TIMESYS is not UTC");
-            return Err(error);
+        let in_card = |error: UtcError| error.in_file(self.path).in_field(keyword);
+        let (mut epoch, is_zoned) = parse_zoned(&text).map_err(in_card)?;
+        if scale != Scale::Utc {
+            if is_zoned {
+                let expected = "a time without an offset, as TIMESYS is not UTC";
+                return Err(self.bad(keyword, text, expected));
+            }
+            epoch = parse_in(&text, scale).map_err(in_card)?;
         }
         let step = 10f64.powi(-(decimals.min(9) as i32));
-        let epoch = match scale {
-            Scale::Utc => Some(epoch),
-            // The same digits in another scale.
-            _ => UtcDay::containing(epoch).and_then(|day| {
-                let ns = tai_nanoseconds(epoch) - day.start_tai_ns;
-                moment(day.mjd, ns as f64 / 86_400e9, scale)
-            }),
-        };
-        let out = || self.bad(keyword, text.clone(), "a year from 1972 to 2100");
-        Ok(Some((epoch.ok_or_else(out)?, step, at)))
+        Ok(Some((epoch, step, at)))
     }
 
     /// A Julian date from a card.

@@ -492,7 +492,7 @@ pub(super) fn usual_time(table: &Table) -> Option<&str> {
 /// The scale that a column's name says.
 fn scale_of_name(name: &str) -> Option<Scale> {
     let lower = name.to_ascii_lowercase();
-    lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::of)
+    lower.split(|c: char| !c.is_ascii_alphanumeric()).find_map(Scale::named)
 }
 
 /// The other half of a time whose date and time of day stand in two columns: its name, and whether it is the date.
@@ -658,12 +658,12 @@ fn times(
     // As astropy notes a column of Time in ECSV.
     let kept = || {
         let column = table.meta.get("__serialized_columns__")?.get(name)?;
-        Scale::of(column.get("scale")?.as_str()?)
+        Scale::named(column.get("scale")?.as_str()?)
     };
     let is_mission = matches!(name.to_ascii_lowercase().as_str(), "bkjd" | "btjd");
     let mission = is_mission.then_some(Scale::Tdb);
     let named = scale_of_name(name).or_else(|| scale_of_name(half?.0)).or(mission).or_else(kept);
-    let scale = names.scale.or(named).or_else(|| Scale::of(system?));
+    let scale = names.scale.or(named).or_else(|| Scale::named(system?));
     let unknown = |kind: &str| {
         if let Some(system) = system.filter(|s| !s.is_empty()) {
             let error = ParseError::new(

@@ -1,4 +1,4 @@
-//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables; and tables of named columns (ECSV, CSV, words between blanks,
+//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables, DAMIT's light curves; and tables of named columns (ECSV, CSV, words between blanks,
 //! FITS, VOTable) with their times as UTC, as Julian dates with their scale, or since an origin that the file states.
 //!
 //! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
@@ -11,6 +11,7 @@
 //! *Tracking Data Message*, of which magnitudes (`MAG`) are read.
 
 mod columns;
+mod damit;
 mod import;
 mod missing;
 mod objects;
@@ -20,6 +21,7 @@ mod words;
 pub mod write;
 mod xml;
 
+pub use crate::time::{Scale, moment};
 pub use columns::{
     ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, column_times, exposures,
     filter_column, without_signs_of_fluxes,
@@ -29,18 +31,13 @@ pub use missing::without_words_for_none;
 pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
 use crate::text::counted;
-use crate::time::{UtcDay, parse_utc};
+use crate::time::{parse_in, parse_utc};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// TT − TAI, s.
-const TT_MINUS_TAI_S: f64 = 32.184;
-/// TAI − time of GPS, s.
-const TAI_MINUS_GPS_S: f64 = 19.0;
 const DAY_S: f64 = 86_400.0;
-const MJD_1900: i64 = 15_020;
 /// JD of MJD 0, whole days and the half that is left.
 const MJD_OFFSET: i64 = 2_400_000;
 
@@ -70,34 +67,6 @@ impl Format {
             Self::TdmXml => "CCSDS TDM (XML)",
             Self::Eossa => "EOSSA (FITS)",
         }
-    }
-}
-
-/// Time scale of a Julian date.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scale {
-    /// Coordinated universal time.
-    Utc,
-    /// International atomic time.
-    Tai,
-    /// Terrestrial time.
-    Tt,
-    /// Barycentric dynamical time; from TT by its largest term, to 30 µs.
-    Tdb,
-    /// The time of GPS: 19 s behind TAI.
-    Gps,
-}
-
-impl Scale {
-    fn of(name: &str) -> Option<Self> {
-        Some(match name.to_ascii_lowercase().as_str() {
-            "utc" => Self::Utc,
-            "tai" => Self::Tai,
-            "tt" => Self::Tt,
-            "tdb" => Self::Tdb,
-            "gps" => Self::Gps,
-            _ => return None,
-        })
     }
 }
 
@@ -192,7 +161,7 @@ pub enum Source {
     Table(&'static str, Box<Table>),
 }
 
-/// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable. Files packed with gzip are unpacked.
+/// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable, or DAMIT's light curves. Files packed with gzip are unpacked.
 ///
 /// # Errors
 /// Bytes that are none of these; what a format does not allow, with its place; a table without a row.
@@ -256,7 +225,12 @@ fn opened(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, Par
         }
         return Ok(Source::Table("ECSV", Box::new(table)));
     }
-    let (name, mut table) = words::read(path, &text, columns)?;
+    // Names that are given say what numbers are.
+    let known = if columns.is_empty() { damit::read(path, &text) } else { None };
+    let (name, mut table) = match known {
+        Some(table) => ("DAMIT's light curves", table?),
+        None => words::read(path, &text, columns)?,
+    };
     if let Some(note) = note {
         let notes =
             table.meta.entry(words::READING_NOTES).or_insert_with(|| Vec::<String>::new().into());
@@ -314,35 +288,6 @@ pub fn read_str(
         return Err(ParseError::new(path, "no magnitude", format!("samples of {}", format.name())));
     }
     Ok(read)
-}
-
-/// The moment of a day and a part of it in a time scale; `None` before 1972 or after 2100. `day` is a Modified Julian Date.
-pub fn moment(day: i64, part: f64, scale: Scale) -> Option<Epoch> {
-    if !part.is_finite() {
-        return None;
-    }
-    let (day, part) = (day.checked_add(part.floor() as i64)?, part - part.floor());
-    let seconds = part * DAY_S;
-    let first = |seconds_tai: f64| -> Option<Epoch> {
-        UtcDay::of_mjd(day)?;
-        let ns =
-            i128::from(day - MJD_1900) * 86_400_000_000_000 + (seconds_tai * 1e9).round() as i128;
-        Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
-    };
-    match scale {
-        Scale::Utc => {
-            let start = UtcDay::of_mjd(day)?.start_tai_ns;
-            let ns = start + (seconds * 1e9).round() as i128;
-            Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
-        }
-        Scale::Tai => first(seconds),
-        Scale::Gps => first(seconds + TAI_MINUS_GPS_S),
-        Scale::Tt => first(seconds - TT_MINUS_TAI_S),
-        Scale::Tdb => {
-            let g = (357.53 + 0.985_600_28 * ((day - 51_544) as f64 + part - 0.5)).to_radians();
-            first(seconds - TT_MINUS_TAI_S - 0.001_657 * g.sin())
-        }
-    }
 }
 
 /// The moment of a Julian date as a text, all digits of which count.
@@ -682,12 +627,12 @@ impl Message {
                 said.push("TIME_SYSTEM = UT1: taken as UTC, from which it is up to 0.9 s".into());
                 Scale::Utc
             }
-            _ => Scale::of(name).ok_or_else(|| {
+            _ => Scale::named(name).ok_or_else(|| {
                 let found = format!("TIME_SYSTEM `{}`", shortened(name));
                 (found, "UTC, UT1, TAI, TT, TDB or GPS")
             })?,
         };
-        let time = of_ccsds_text(epoch, scale).ok_or_else(|| {
+        let time = parse_in(epoch, scale).map_err(|_| {
             (
                 format!("`{}`", shortened(epoch)),
                 "an epoch such as 2005-06-30T12:00:00.5 or 2005-181T12:00:00.5, 1972 to 2100",
@@ -773,40 +718,4 @@ impl Message {
         }
         read
     }
-}
-
-/// An epoch of CCSDS, calendar or day of year, in a time scale.
-fn of_ccsds_text(text: &str, scale: Scale) -> Option<Epoch> {
-    let (date, clock) = text.trim_end_matches('Z').split_once('T')?;
-    let numbers: Vec<&str> = date.split('-').collect();
-    if !numbers.iter().all(|n| n.bytes().all(|b| b.is_ascii_digit())) {
-        return None;
-    }
-    let of_year = |year: &str| {
-        let first = parse_utc(&format!("{year}-01-01T00:00:00Z")).ok()?;
-        Some(UtcDay::containing(first)?.mjd)
-    };
-    let mjd = match numbers.as_slice() {
-        [year, day] if day.len() == 3 => {
-            let day = day.parse::<i64>().ok().filter(|d| (1..=366).contains(d))?;
-            of_year(year)? + day - 1
-        }
-        [year, month, day] => {
-            let at = parse_utc(&format!("{year}-{month}-{day}T00:00:00Z")).ok()?;
-            UtcDay::containing(at)?.mjd
-        }
-        _ => return None,
-    };
-    let mut parts = clock.split(':');
-    let (h, m, s) = (parts.next()?, parts.next()?, parts.next()?);
-    if parts.next().is_some() {
-        return None;
-    }
-    let (h, m, s): (u32, u32, f64) = (h.parse().ok()?, m.parse().ok()?, s.parse().ok()?);
-    if h > 23 || m > 59 || !(0.0..61.0).contains(&s) {
-        return None;
-    }
-    // From the day's start, so that a leap second is one.
-    let start = moment(mjd, 0.0, scale)?;
-    Some(start + Duration::from_seconds(f64::from(3600 * h + 60 * m)) + Duration::from_seconds(s))
 }

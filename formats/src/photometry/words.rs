@@ -345,9 +345,10 @@ pub(super) fn is_date(word: &str) -> bool {
     !word.contains([':', 'T', ' ']) && word.len() <= 10 && parse_zoned(word).is_ok()
 }
 
-/// Whether a word is a time of day.
+/// Whether a word is a time of day. Two days, that second 60 is one, in clocks ahead of UTC too.
 pub(super) fn is_clock(word: &str) -> bool {
-    word.contains(':') && parse_zoned(&format!("2000-01-02T{}", word.replace(',', "."))).is_ok()
+    let on = |day: &str| parse_zoned(&format!("{day}T{}", word.replace(',', "."))).is_ok();
+    word.contains(':') && ["2016-12-31", "2017-01-01"].into_iter().any(on)
 }
 
 /// Fields that became more than the names: a separator at the end, or a date and a time of day with a blank between.

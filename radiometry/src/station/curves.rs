@@ -100,18 +100,13 @@ pub(super) fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Resp
             format!("a column of fractions: {} (or one of these with _percent)", NAMES.join(", "));
         return Err(ParseError::new(&path, found, expected).in_field(curve.y_name));
     }
-    let longest = curve.x.last().copied().unwrap_or(0.0);
-    if longest < 20.0 {
-        let found = format!("{} to {longest} nm", curve.x[0]);
-        let error = ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
-        return Err(error.with_hint("if they are in micrometres, name the column wavelength_um"));
-    }
-    // A curve that begins here is one in ångström: the detectors of channels see shorter waves.
+    // The detectors of channels see shorter waves.
     const FARTHEST_NM: f64 = 3000.0;
     if curve.x[0] > FARTHEST_NM {
+        let longest = curve.x.last().copied().unwrap_or(0.0);
         let found = format!("{} to {longest} nm", curve.x[0]);
-        let error = ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
-        return Err(error.with_hint("if they are in ångström, name the column wavelength_angstrom; a channel needs light below 3000 nm"));
+        let error = ParseError::new(&path, found, "light below 3000 nm").in_field(curve.x_name);
+        return Err(error.with_hint("are they in another unit? columns may be called wavelength_nm, wavelength_um or wavelength_angstrom"));
     }
     let wrong = |row: usize, field: &str, value: f64, expected: &str| {
         let error = ParseError::new(&path, value.to_string(), expected);
