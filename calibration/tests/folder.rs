@@ -40,12 +40,26 @@ impl Frames {
 
     /// Frames of a kind, of an even level with noise; no value is above 65,535.
     fn add(&mut self, n: usize, kind: &str, exposure_s: f64, size: usize, level: [f64; 2]) {
+        self.add_with(n, kind, exposure_s, size, level, &|_, _, _| 0.0);
+    }
+
+    /// The same with light: by the frame's number, row and column.
+    fn add_with(
+        &mut self,
+        n: usize,
+        kind: &str,
+        exposure_s: f64,
+        size: usize,
+        level: [f64; 2],
+        light: &dyn Fn(usize, usize, usize) -> f64,
+    ) {
         for _ in 0..n {
-            let chance = &mut self.chance;
-            let pixels = Array2::from_shape_fn((size, size), |_| {
-                (level[0] + level[1] * chance.normal()).round().clamp(0.0, 65_535.0) as u16
-            });
             let number = self.files.len();
+            let chance = &mut self.chance;
+            let pixels = Array2::from_shape_fn((size, size), |(row, column)| {
+                let value = level[0] + level[1] * chance.normal() + light(number, row, column);
+                value.round().clamp(0.0, 65_535.0) as u16
+            });
             let mut header = Header::default();
             header.set("IMAGETYP", kind, "synthetic");
             header.set("FILTER", "V", "");
@@ -69,6 +83,43 @@ impl Frames {
 
 fn counts(of: &[(&str, usize)]) -> BTreeMap<String, usize> {
     of.iter().map(|(words, n)| ((*words).to_owned(), *n)).collect()
+}
+
+/// Five frames with three stars that stand and a target that moves by 9 px each. Truth: where they were drawn, within half a pixel. The target that is pointed at is measured, be it the moving one or a star; where nothing is, that is
+/// said.
+#[test]
+fn the_place_that_is_given_is_the_targets() {
+    let stars = [[30.0, 20.0], [90.0, 140.0], [150.0, 60.0]];
+    let moving = |k: usize| [60.0 + 9.0 * k as f64, 90.0];
+    let mut frames = Frames::new();
+    frames.add_with(5, "LIGHT", 1.0, 192, [500.0, 5.0], &|k, row, column| {
+        let all = stars.into_iter().chain([moving(k)]);
+        all.map(|[x, y]| {
+            let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+            3000.0 * (-r2 / (2.0 * 1.6 * 1.6)).exp()
+        })
+        .sum()
+    });
+    let at = |place: Option<[f64; 2]>| {
+        let options = FolderOptions { place_px: place.map(Into::into), ..FolderOptions::default() };
+        reduce_frames(&frames.files, &options, &Silent)
+    };
+    for (given, there) in
+        [(None, None), (Some(moving(0)), None), (Some([31.0, 22.0]), Some(stars[0]))]
+    {
+        let folder = at(given).unwrap();
+        assert_eq!(folder.frames.len(), 5, "{given:?}");
+        for (k, frame) in folder.frames.iter().enumerate() {
+            let truth = there.unwrap_or_else(|| moving(k));
+            let place = frame.place_px.unwrap();
+            let off = (place.x - truth[0]).hypot(place.y - truth[1]);
+            assert!(off < 0.5, "{given:?} {k}: {place} for {truth:?}, {}", folder.chosen_by);
+        }
+    }
+    for nowhere in [[170.0, 170.0], [600.0, 90.0]] {
+        let error = at(Some(nowhere)).unwrap_err().to_string();
+        assert!(error.contains("no source within 25 px"), "{error}");
+    }
 }
 
 /// Truth: the frames that were written, each kind by itself; notes count frames, not settings.

@@ -12,7 +12,7 @@ use sunglint_formats::error::FileError;
 use sunglint_numerics::progress::Progress;
 
 pyo3::create_exception!(
-    _core,
+    sunglint,
     Error,
     PyException,
     "What went wrong: in which file, at which line and field where that is known (attributes `file`, `line`, `field`, `hint`; else None)."

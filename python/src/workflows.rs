@@ -13,7 +13,8 @@ use sunglint_analysis::sessions::{self, find_over_sessions};
 use sunglint_calibration::field_stars::System;
 use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_calibration::photometry::{
-    Expected, FrameCalibration, FrameReducer, PhotometryOptions, PlaneMeasurement,
+    BadPixels, Expected, FrameCalibration, FrameReducer, PhotometryOptions, PixelFault,
+    PlaneMeasurement,
 };
 use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
 use sunglint_formats::Frame;
@@ -542,7 +543,7 @@ fn detect(
 
 /// Light within apertures at places of a frame that are given: columns of numbers, one for each place.
 #[pyfunction]
-#[pyo3(signature = (pixels, places_px, radius_px=8.0, annulus_px=[12.0, 20.0], fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=1.0, read_noise_e=0.0, saturation_adu=None))]
+#[pyo3(signature = (pixels, places_px, radius_px=8.0, annulus_px=[12.0, 20.0], fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=None, read_noise_e=0.0, saturation_adu=None, masked=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn aperture<'py>(
     py: Python<'py>,
@@ -552,9 +553,10 @@ fn aperture<'py>(
     annulus_px: [f64; 2],
     fwhm_px: f64,
     exposure_s: f64,
-    gain_e_per_adu: f64,
+    gain_e_per_adu: Option<f64>,
     read_noise_e: f64,
     saturation_adu: Option<f64>,
+    masked: Option<PyReadonlyArray2<'py, bool>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let places = places_px.as_array();
     if places.ncols() != 2 {
@@ -564,9 +566,20 @@ fn aperture<'py>(
     let places: Vec<[f64; 2]> = places.rows().into_iter().map(|row| [row[0], row[1]]).collect();
     // The array is the caller's, and its pages may change under another thread: one copy.
     let pixels = pixels.as_array().to_owned();
+    let bad = masked.map(|masked| BadPixels {
+        faults: masked
+            .as_array()
+            .mapv(|is_masked| if is_masked { PixelFault::DEAD } else { PixelFault::empty() }),
+        origin: [0, 0],
+        binning: [1, 1],
+        median_adu: 0.0,
+        sigma_adu: 0.0,
+    });
     let found = run(py, None, move |watch| {
         crate::sky::within("exposure_s", exposure_s, 1e-9, 86_400.0)?;
-        crate::sky::within("gain_e_per_adu", gain_e_per_adu, 1e-9, 1e9)?;
+        if let Some(gain) = gain_e_per_adu {
+            crate::sky::within("gain_e_per_adu", gain, 1e-9, 1e9)?;
+        }
         let side = |axis| u32::try_from(pixels.len_of(ndarray::Axis(axis)));
         let mut options = PhotometryOptions::new([side(1)?, side(0)?], read_noise_e);
         options.aperture_radius_px = radius_px;
@@ -579,12 +592,13 @@ fn aperture<'py>(
             bayer: None,
             start: hifitime::Epoch::from_gregorian_utc_at_midnight(2000, 1, 1),
             exposure_s,
-            gain_e_per_adu: Some(gain_e_per_adu),
+            gain_e_per_adu,
             temperature_c: None,
             saturation_adu,
             header: Header::default(),
         };
-        let mut reducer = FrameReducer::new(options, FrameCalibration::default())?;
+        let calibration = FrameCalibration { bad, ..FrameCalibration::default() };
+        let mut reducer = FrameReducer::new(options, calibration)?;
         let mut rows = Vec::with_capacity(places.len());
         for (i, place) in places.iter().enumerate() {
             watch.at("apertures", i, places.len());

@@ -99,7 +99,29 @@ def _callback(progress):
 
 
 def _path(path):
-    return _os.fspath(path)
+    return _os.fsdecode(path)
+
+
+def _names(of):
+    """A list of names; a text is one name, not its letters."""
+    return [of] if isinstance(of, str) else list(of)
+
+
+def _whole(value, name, least=0):
+    """A whole number that is no less than ``least``."""
+    import operator
+
+    number = operator.index(value)
+    if number < least:
+        raise Error(f"{name} is {number}, expected a whole number of {least} or more")
+    return number
+
+
+def _unmasked(of):
+    """An array whose masked elements are NaN; anything else as it is."""
+    if not _np.ma.isMaskedArray(of):
+        return of
+    return of.astype(float).filled(_np.nan) if _np.ma.is_masked(of) else of.data
 
 
 def _utc(when):
@@ -111,6 +133,10 @@ def _utc(when):
         moment.precision = 9
         return str(moment.isot) + "Z"
     if isinstance(when, _np.datetime64):
+        # Nanoseconds reach from 1678 to 2262 only, and wrap around beyond.
+        year = str(when.astype("datetime64[Y]"))
+        if not ("1700" <= year <= "2200" and len(year) == 4):
+            raise ValueError(f"the time {when} is of the year {year}, expected 1972 to 2100")
         return str(when.astype("datetime64[ns]")) + "Z"
     if hasattr(when, "astimezone"):
         import datetime
@@ -122,10 +148,10 @@ def _utc(when):
 
 
 def _value(quantity, unit):
-    """A float or an array of a number or an astropy Quantity."""
+    """A float or an array of a number or an astropy Quantity; what is masked is NaN."""
     if quantity is not None and hasattr(quantity, "to_value"):
-        return quantity.to_value(unit)
-    return quantity
+        quantity = quantity.to_value(unit)
+    return _unmasked(quantity)
 
 
 def _vectors(of):
@@ -135,14 +161,28 @@ def _vectors(of):
     if hasattr(of, "xyz"):
         xyz = of.xyz
         of = _np.asarray(getattr(xyz, "value", xyz)).T
-    array = _np.ascontiguousarray(of, dtype=_np.float64)
-    return array.reshape(1, 3) if array.shape == (3,) else array
+    array = _np.ascontiguousarray(_unmasked(of), dtype=_np.float64)
+    if array.shape == (3,):
+        return array.reshape(1, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise Error(f"directions have the shape {array.shape}, expected (n, 3)")
+    return array
+
+
+def _distances(range_m, n):
+    """Distances of n observers, m."""
+    distances = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (n,)), dtype=float)
+    bad = ~(distances > 0)
+    if bad.any():
+        row = int(_np.argmax(bad))
+        raise Error(f"range_m: row {row} is {distances[row]}, expected a number above 0")
+    return distances
 
 
 class Table(dict):
     """Columns of a result: a dict of names and arrays, with ``units``, ``descriptions`` and ``meta``.
 
-    Texts are object arrays; times are ISO 8601 texts in UTC, which :meth:`times` turns into ``datetime64[ns]``.
+    Arrays are read-only: take a copy to change one. Texts are object arrays; times are ISO 8601 texts in UTC, which :meth:`times` turns into ``datetime64[ns]``.
     A table is also a callable that gives itself: ``result.table()`` and ``result.table`` are the same.
 
     Parameters
@@ -165,6 +205,9 @@ class Table(dict):
             if isinstance(values, list):
                 kinds = {type(v) for v in values}
                 values = _np.array(values, dtype=bool if kinds == {bool} else object)
+            # What is computed from a result goes by its file: a change here would change nothing there.
+            values = values.view()
+            values.flags.writeable = False
             self[column["name"]] = values
             self.units[column["name"]] = column["unit"]
             self.descriptions[column["name"]] = column["description"]
@@ -364,6 +407,26 @@ class Result:
     def __getitem__(self, key):
         return self.summary[key]
 
+    def keys(self):
+        """The keys of the summary."""
+        return self.summary.keys()
+
+    def get(self, key, default=None):
+        """An item of the summary, or something else where it has none.
+
+        Parameters
+        ----------
+        key : str
+        default : object, optional
+        """
+        return self[key] if key in self else default
+
+    def __iter__(self):
+        return iter(self.keys())
+
+    def __contains__(self, key):
+        return key in self.keys()
+
     def to_dict(self):
         """The summary as a dict."""
         return self.summary
@@ -388,6 +451,8 @@ class Result:
         form : str
         """
         if self._state is not None:
+            if form == "json":
+                return self.to_json().encode()
             if form in self._state["forms"]:
                 return self._state["forms"][form]
             raise Error(f"an unpickled result has no {form}; it has {', '.join(self._state['forms'])}")
@@ -463,7 +528,7 @@ class Result:
 
     def __reduce__(self):
         forms = {}
-        for form in ("ecsv", "svg", "png") if self._has_figure else ("ecsv",):
+        for form in ("ecsv", "csv", "fits", *(("svg", "png") if self._has_figure else ())):
             try:
                 forms[form] = self.encode(form)
             except Error:
@@ -513,7 +578,7 @@ class FitResult(Result):
         return self.files
 
 
-@_dataclass(frozen=True)
+@_dataclass(frozen=True, eq=False)
 class Light:
     """The light of a body for n geometries at w wavelengths.
 
@@ -543,7 +608,7 @@ class Light:
         return len(self.phase_deg)
 
 
-@_dataclass(frozen=True)
+@_dataclass(frozen=True, eq=False)
 class MaterialLight:
     """The light of a body for n geometries at one wavelength, by the m materials that sent it.
 
@@ -651,7 +716,7 @@ class Body:
         distances = None
         sun, observer = _vectors(sun), _vectors(observer)
         if range_m is not None:
-            distances = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (len(sun),)), dtype=float)
+            distances = _distances(range_m, len(sun))
         found = self._body.light(
             sun, observer, wavelengths, distances, _value(sun_distance_au, "AU"), tolerance, budget_s, _callback(progress)
         )
@@ -697,7 +762,7 @@ class Body:
         """
         sun, observer = _vectors(sun), _vectors(observer)
         if range_m is not None:
-            range_m = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (len(sun),)), dtype=float)
+            range_m = _distances(range_m, len(sun))
         nm = float(_value(wavelength_nm, "nm"))
         light, error, warnings = self._body.light_by_material(sun, observer, nm, range_m, tolerance, budget_s, _callback(progress))
         return MaterialLight(self.materials, light[:, :-1], error[:, :-1], light[:, -1], error[:, -1], nm, warnings)
@@ -710,7 +775,7 @@ class Body:
         size_px : int
             Pixels across and down.
         """
-        return bytes(self._body.picture(size_px))
+        return bytes(self._body.picture(_whole(size_px, "size_px", 1)))
 
     def _repr_png_(self):
         return self.picture()
@@ -755,7 +820,7 @@ class Engine:
             return self._light(sun, observer, range_m)
         except TypeError:
             if range_m is not None:
-                range_m = _np.ascontiguousarray(_np.broadcast_to(_value(range_m, "m"), (len(_vectors(sun)),)), dtype=float)
+                range_m = _distances(range_m, len(_vectors(sun)))
             return self._light(_vectors(sun), _vectors(observer), range_m)
 
     def __reduce__(self):
@@ -763,6 +828,14 @@ class Engine:
 
     def __repr__(self):
         return f"<sunglint.Engine of {self.body.name} at {', '.join(f'{nm:g}' for nm in self.wavelength_nm)} nm>"
+
+
+def _wavelength(wavelength_nm):
+    """A wavelength of light, nm."""
+    nm = float(_value(wavelength_nm, "nm"))
+    if not 100 <= nm <= 30000:
+        raise Error(f"wavelength_nm is {nm:g}, expected 100 to 30000 (nanometres)")
+    return nm
 
 
 class Brdf:
@@ -782,6 +855,8 @@ class Brdf:
     def evaluate(self, wavelength_nm, light, observer):
         """The BRDF, sr⁻¹, for (n, 3) unit vectors to light and observer; z is the normal, x the tangent. Below the surface it is 0.
 
+        Beyond the wavelengths that the material is known at it has the value at the last of them.
+
         Parameters
         ----------
         wavelength_nm : float or Quantity
@@ -789,7 +864,7 @@ class Brdf:
         light, observer : array_like (n, 3)
             Unit vectors.
         """
-        return self._brdf.evaluate(float(_value(wavelength_nm, "nm")), _vectors(light), _vectors(observer))
+        return self._brdf.evaluate(_wavelength(wavelength_nm), _vectors(light), _vectors(observer))
 
     def albedo(self, wavelength_nm, theta_i_deg=0.0):
         """Hemispherical reflectance for light at an angle of incidence.
@@ -800,7 +875,10 @@ class Brdf:
             Vacuum wavelength.
         theta_i_deg : float or Quantity
         """
-        return self._brdf.albedo(float(_value(wavelength_nm, "nm")), float(_value(theta_i_deg, "deg")))
+        theta = float(_value(theta_i_deg, "deg"))
+        if not 0 <= theta < 90:
+            raise Error(f"theta_i_deg is {theta}, expected 0 to less than 90")
+        return self._brdf.albedo(_wavelength(wavelength_nm), theta)
 
     def show(self, phi_i_deg=0.0):
         """What the material does at the wavelength that it was read for: reflectance, peak and width by angle of incidence, with a figure.
@@ -872,28 +950,48 @@ class Curve:
         target : str, optional
             Name of the target.
         """
+        import csv
+
         if hasattr(time_utc, "isot"):
             moment = time_utc.utc.copy()
             moment.precision = 9
             times = [str(t) + "Z" for t in _np.atleast_1d(moment.isot)]
         else:
-            times = [_utc(t) for t in time_utc]
+            if hasattr(time_utc, "dt") and hasattr(time_utc, "to_numpy"):
+                # A pandas Series: without a zone it is UTC, as datetime64 is.
+                time_utc = time_utc.to_numpy(dtype="datetime64[ns]")
+            times = [_utc(t) for t in ([time_utc] if isinstance(time_utc, str) else time_utc)]
         n = len(times)
-        columns = {"time_utc": times, "magnitude": _np.broadcast_to(_value(magnitude, "mag"), (n,))}
+
+        def column(name, value, unit):
+            value = _np.asarray(_value(value, unit), dtype=float)
+            if value.ndim > 1 or value.shape not in ((), (1,), (n,)):
+                raise Error(f"{name} has the shape {value.shape}, expected {n} values, as many as there are times")
+            return _np.broadcast_to(value, (n,))
+
+        columns = {"time_utc": times, "magnitude": column("magnitude", magnitude, "mag")}
         if sigma_mag is not None:
-            columns["sigma_mag"] = _np.broadcast_to(_value(sigma_mag, "mag"), (n,))
+            columns["sigma_mag"] = column("sigma_mag", sigma_mag, "mag")
+            bad = ~(columns["sigma_mag"] >= 0) & ~_np.isnan(columns["sigma_mag"]) | _np.isinf(columns["sigma_mag"])
+            if bad.any():
+                row = int(_np.argmax(bad))
+                raise Error(f"sigma_mag: sample {row} is {columns['sigma_mag'][row]}, expected an uncertainty of 0 or more, or nan")
         if exposure_s is not None:
-            columns["exposure_s"] = _np.broadcast_to(_value(exposure_s, "s"), (n,))
+            columns["exposure_s"] = column("exposure_s", exposure_s, "s")
         if filter is not None:
-            columns["filter"] = [filter] * n if isinstance(filter, str) else list(filter)
+            columns["filter"] = [filter] * n if isinstance(filter, str) else [str(f) for f in filter]
+            if len(columns["filter"]) != n:
+                raise Error(f"filter has {len(columns['filter'])} names, expected {n}, as many as there are times")
         keep = _tempfile.TemporaryDirectory(prefix="sunglint-")
-        stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in target) or "curve"
+        stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in target)[:60] or "curve"
         path = _os.path.join(keep.name, f"{stem}.csv")
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(",".join(columns) + "\n")
-            for row in zip(*columns.values()):
-                file.write(",".join(v if isinstance(v, str) else repr(float(v)) for v in row) + "\n")
-        return read_photometry(path, _keep=keep)
+        with open(path, "w", encoding="utf-8", newline="") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(columns)
+            rows.writerows([v if isinstance(v, str) else repr(float(v)) for v in row] for row in zip(*columns.values()))
+        curve = read_photometry(path, _keep=keep)
+        curve.target = target or curve.target
+        return curve
 
     def plot(self, ax=None):
         """Draws magnitudes against seconds with matplotlib, a colour for each filter; gives the axes.
@@ -927,19 +1025,21 @@ class Curve:
     def __reduce__(self):
         with open(self.path, "rb") as file:
             data = file.read()
-        return (_curve_again, (_os.path.basename(self.path), data, self._reading))
+        return (_curve_again, (_os.path.basename(self.path), data, self._reading, self.target))
 
     def __repr__(self):
         return f"<sunglint.Curve {self.path}: {self.format}, {self.table.rows} samples>"
 
 
-def _curve_again(name, data, reading):
+def _curve_again(name, data, reading, target):
     """A curve in another process: its file travels with it."""
     keep = _tempfile.TemporaryDirectory(prefix="sunglint-")
     path = _os.path.join(keep.name, name)
     with open(path, "wb") as file:
         file.write(data)
-    return Curve(path, reading, _core.read_photometry(path, reading), keep)
+    curve = Curve(path, reading, _core.read_photometry(path, reading), keep)
+    curve.target = target
+    return curve
 
 
 def _reading(time_column=None, time_scale=None, time_format=None, magnitude_column=None, sigma_column=None, magnitudes_as=None, sigma_mag=None, object=None):
@@ -1021,14 +1121,32 @@ def _air(air):
         if key not in known:
             raise ValueError(f"air has no {key!r}; it has {', '.join(known)}")
         known[key] = _value(value, units[key]) if key in units else value
+    if not isinstance(known["aerosol"], (str, type(None))):
+        known["aerosol"] = tuple(float(v) for v in known["aerosol"])
     return known
 
 
 def _place(of):
     """Right ascension and declination, degrees, of a pair or an astropy SkyCoord."""
-    if of is not None and hasattr(of, "icrs"):
-        return (float(of.icrs.ra.deg), float(of.icrs.dec.deg))
-    return of and (float(of[0]), float(of[1]))
+    if of is None:
+        return None
+    if hasattr(of, "icrs"):
+        of = (of.icrs.ra.deg, of.icrs.dec.deg)
+    if isinstance(of, str):
+        raise Error(f"the place {of!r} is a text, expected two numbers, right ascension and declination in degrees, or a SkyCoord")
+    if len(of) != 2:
+        raise Error(f"a place has {len(of)} numbers, expected two: right ascension and declination, degrees")
+    return tuple(float(_np.squeeze(_value(v, "deg"))) for v in of)
+
+
+def _pair(of, name):
+    """Two numbers, or None."""
+    if of is None:
+        return None
+    numbers = [float(v) for v in of]
+    if len(numbers) != 2 or not all(map(_np.isfinite, numbers)):
+        raise Error(f"{name} is {of}, expected two numbers")
+    return numbers
 
 
 def _several(of):
@@ -1166,7 +1284,7 @@ def compare(curve, scene, channels=(), tolerance=None, progress=None, **reading)
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     path, reading = _file_and_reading(curve, reading)
-    return Result(_core.compare(path, scene.path, reading, scene.station, list(channels), tolerance, _callback(progress)))
+    return Result(_core.compare(path, scene.path, reading, scene.station, _names(channels), tolerance, _callback(progress)))
 
 
 def _with_scenes(scene, curves, reading):
@@ -1212,15 +1330,15 @@ def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, s
     FitResult
     """
     inputs, how, station = _with_scenes(scene, curves, reading)
-    free = [free] if isinstance(free, str) else list(free)
+    free = _names(free)
     axis = ("attitude.axis_ra_deg", "attitude.axis_dec_deg")
     free = [one for name in free for one in (axis if name == "attitude.spin_axis" else (name,))]
     outcome, converged = _core.fit(
         inputs,
         how,
         free,
-        list(per_pass),
-        list(channels),
+        _names(per_pass),
+        _names(channels),
         station,
         largest_albedo,
         scintillation,
@@ -1260,7 +1378,7 @@ def period(curves, channels=(), shortest_s=None, longest_s=None, gap_s=None, har
     paths, how = _paths(curves, reading)
     return Result(
         _core.period(
-            paths, how, list(channels), _value(shortest_s, "s"), _value(longest_s, "s"), _value(gap_s, "s"), harmonics, sessions, station, _callback(progress)
+            paths, how, _names(channels), _value(shortest_s, "s"), _value(longest_s, "s"), _value(gap_s, "s"), _whole(harmonics, "harmonics", 1), sessions, station, _callback(progress)
         )
     )
 
@@ -1309,7 +1427,7 @@ def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_p
     -------
     Field
     """
-    pixels = _np.ascontiguousarray(pixels, dtype=_np.float32)
+    pixels = _np.ascontiguousarray(_value(pixels, "adu"), dtype=_np.float32)
     if pixels.ndim != 2:
         raise ValueError(f"pixels have {pixels.ndim} axes, expected 2: rows, columns")
     return Field(_core.detect(pixels, fwhm_px, point_sigma, streak_sigma, shortest_px, aperture_px, saturation_adu, gain_e_per_adu, bayer))
@@ -1370,10 +1488,13 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
         else:
             frames = [top]
     near_deg = _place(near_deg)
+    scale_arcsec = _value(scale_arcsec, "arcsec")
+    if scale_arcsec is not None and not 0 < scale_arcsec < _np.inf:
+        raise Error(f"scale_arcsec is {scale_arcsec}, expected a number above 0")
     return Result(
         _core.reduce(
             [_path(f) for f in frames],
-            place_px and list(place_px),
+            _pair(place_px, "place_px"),
             along,
             [_path(f) for f in darks],
             [_path(f) for f in flats],
@@ -1385,8 +1506,8 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             catalogue_colour and list(catalogue_colour),
             catalogue_system,
             near_deg and list(near_deg),
-            _value(scale_arcsec, "arcsec"),
-            target_colour and list(target_colour),
+            scale_arcsec,
+            _pair(target_colour, "target_colour"),
             colour_term,
             name,
             _callback(progress),
@@ -1583,8 +1704,8 @@ def archive(folder, object=None, channel=(), kind=(), station=None, start=None, 
     """
     wanted = dict(
         object=None if object is None else str(object),
-        channel=[channel] if isinstance(channel, str) else list(channel),
-        kind=[kind] if isinstance(kind, str) else list(kind),
+        channel=_names(channel),
+        kind=_names(kind),
         station=station,
         start=_utc(start),
         end=_utc(end),
@@ -1699,7 +1820,7 @@ def passes(elements, start, station, end=None, norad_id=(), name=(), min_elevati
     numbers = [norad_id] if isinstance(norad_id, (int, str)) else list(norad_id)
     wanted = dict(
         norad_id=[str(n) for n in numbers],
-        name=[name] if isinstance(name, str) else list(name),
+        name=_names(name),
         min_elevation_deg=_value(min_elevation_deg, "deg"),
         sun_below_deg=_value(sun_below_deg, "deg"),
         min_culmination_deg=_value(min_culmination_deg, "deg"),
@@ -2014,6 +2135,10 @@ class Reduced(Result):
     def __getitem__(self, key):
         return self.curves[key] if key in self.curves else super().__getitem__(key)
 
+    def keys(self):
+        """Names of the curves, and the keys of the summary."""
+        return [*self.curves, *super().keys()]
+
 
 class Calibration(Result):
     """What channels and nights are worth: a :class:`Result` that makes linear curves calibrated ones."""
@@ -2041,7 +2166,9 @@ class Calibration(Result):
         """
         if curve is None:
             return Applied(self, options)
-        if isinstance(curve, str) and self._reduced is not None and curve in self._reduced.curves:
+        if isinstance(curve, str) and self._reduced is not None and not _os.path.exists(curve):
+            if curve not in self._reduced.curves:
+                return Applied(self, options)[curve]
             curve = self._reduced.curves[curve]
         return apply(self, curve, self.station, **options)
 
@@ -2061,7 +2188,7 @@ class Applied(_Mapping):
 
     def __init__(self, calibration, options):
         if calibration._reduced is None:
-            raise ValueError("the calibration is not that of a reduction: name the curve")
+            raise ValueError("the calibration knows no curves (it was read, or unpickled): give the curve to apply it to")
         self._calibration = calibration
         self._options = options
         self._done = {}
@@ -2203,7 +2330,7 @@ def fold(curves, period_s, period_sigma_s=None, epoch=None, scene=None, axis=Non
         scene, station = scene.path, station or scene.station
     return Result(
         _core.fold(
-            paths, how, _air(air), _value(period_s, "s"), _value(period_sigma_s, "s"), _utc(epoch), scene and _path(scene), _place(axis), bins, list(channels), station, list(keep)
+            paths, how, _air(air), _value(period_s, "s"), _value(period_sigma_s, "s"), _utc(epoch), scene and _path(scene), _place(axis), _whole(bins, "bins", 1), _names(channels), station, _names(keep)
         )
     )
 
@@ -2217,6 +2344,8 @@ def _paths(curves, reading):
             raise ValueError("the curves are read in different ways: give the same columns for all")
         how = this
         paths.append(path)
+    if how is None:
+        raise Error("there is no curve: expected one or more")
     return paths, how
 
 
@@ -2249,7 +2378,7 @@ def unmix(curve, endmembers, scene=None, station=None, no_air=False, total_m2_sr
     if isinstance(scene, Scene):
         scene, station = scene.path, station or scene.station
     return Result(
-        _core.unmix(_file(curve), [_path(e) for e in endmembers], _air(air), scene and _path(scene), station, no_air, total_m2_sr, unweighted, confusion)
+        _core.unmix(_file(curve), [_path(e) for e in _names(endmembers)], _air(air), scene and _path(scene), station, no_air, total_m2_sr, unweighted, confusion)
     )
 
 
@@ -2278,7 +2407,7 @@ def body_map(scene, curve=None, endmembers=(), step_deg=5.0, phase_deg=None, alo
         _core.body_map(
             scene.path,
             None if curve is None else _file(curve),
-            [_path(e) for e in endmembers],
+            [_path(e) for e in _names(endmembers)],
             _value(step_deg, "deg"),
             _value(phase_deg, "deg"),
             along,
@@ -2322,7 +2451,7 @@ def attitude(scene, curves, known=(), period_s=None, sense="both", scale="none",
     inputs, how, station = _with_scenes(scene, curves, reading)
     return Result(
         _core.attitude(
-            inputs, how, [known] if isinstance(known, str) else list(known), period_s and tuple(map(float, period_s)), sense, scale, list(channels), axes, direct_only, station, seed, _callback(progress)
+            inputs, how, _names(known), period_s and tuple(map(float, period_s)), sense, scale, _names(channels), axes, direct_only, station, seed, _callback(progress)
         )
     )
 
@@ -2419,7 +2548,7 @@ def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg
             _file(table),
             _value(wavelength_nm, "nm"),
             floor_per_sr,
-            [laws] if isinstance(laws, str) else list(laws),
+            _names(laws),
             _value(cone_deg, "deg"),
             _value(source_deg, "deg"),
             _value(theta_most_deg, "deg"),
@@ -2565,13 +2694,13 @@ def retro(plan, folder, reduce=False, progress=None):
     return Result(_core.retro(_path(plan), _path(folder), reduce, _callback(progress)))
 
 
-def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=1.0, read_noise_e=0.0, saturation_adu=None):
+def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=None, read_noise_e=0.0, saturation_adu=None):
     """Light within round apertures at given places of a frame, above the background of a ring around each.
 
     Parameters
     ----------
     pixels : array_like (rows, columns)
-        ADU, whole numbers from 0 to 65,535.
+        ADU, whole numbers from 0 to 65,535; masked ones are left out.
     places_px : array_like (n, 2)
         Columns and rows; the middle of the first pixel is (0, 0).
     radius_px : float
@@ -2581,8 +2710,11 @@ def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=
     fwhm_px : float
         Width of a point; says how much of its light masked pixels hide.
     exposure_s : float or Quantity
-    gain_e_per_adu, read_noise_e : float
-        For the stated noise.
+    gain_e_per_adu : float, optional
+        With it the noise of the target's own photons is stated, and the median of the ring is corrected for the lean of a Poisson distribution, up to 0.2 e⁻ a pixel.
+        Without it the noise is that of the ring's pixels alone.
+    read_noise_e : float
+        Part of the ring's scatter that is no photons' noise; goes with the gain.
     saturation_adu : float, optional
         From where on a pixel counts as saturated.
 
@@ -2591,7 +2723,8 @@ def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=
     Table
         ``rate_adu_per_s``, ``sigma_adu_per_s``, ``background_adu``, ``background_sigma_adu``, ``area_px2``, ``masked_fraction``, ``saturated_pixels``, ``flags``.
     """
-    given = _np.asarray(pixels)
+    masked = _np.ma.getmaskarray(pixels) if _np.ma.isMaskedArray(pixels) else None
+    given = _np.asarray(pixels.filled(0) if masked is not None else _value(pixels, "adu"))
     if given.ndim != 2:
         raise ValueError(f"pixels have {given.ndim} axes, expected 2: rows, columns")
     if given.dtype != _np.uint16:
@@ -2600,7 +2733,7 @@ def aperture(pixels, places_px, radius_px=8.0, annulus_px=(12.0, 20.0), fwhm_px=
         given = given.astype(_np.uint16)
     places = _np.atleast_2d(_np.ascontiguousarray(places_px, dtype=float))
     found = _core.aperture(
-        _np.ascontiguousarray(given), places, radius_px, list(annulus_px), fwhm_px, float(_value(exposure_s, "s")), gain_e_per_adu, read_noise_e, saturation_adu
+        _np.ascontiguousarray(given), places, radius_px, list(annulus_px), fwhm_px, float(_value(exposure_s, "s")), gain_e_per_adu, read_noise_e, saturation_adu, masked
     )
     units = {"rate_adu_per_s": "adu / s", "sigma_adu_per_s": "adu / s", "background_adu": "adu", "background_sigma_adu": "adu", "area_px2": "pix2"}
     return Table("apertures", [dict(name=n, unit=units.get(n), description=None, values=v) for n, v in found.items()], {})

@@ -693,6 +693,64 @@ def test_apertures_are_sums(tmp_path):
         sg.aperture(pixels + 0.5, [[50.0, 40.0]])
 
 
+def test_apertures_of_noise_and_masks():
+    """Truth: 400 places of a frame of noise alone hold no light: their mean within four of its own standard errors, whatever is not known of the gain. A hot pixel that is masked leaves the light as it is."""
+    random = np.random.default_rng(5)
+    frame = np.rint(random.normal(500, 3, (900, 900))).astype(np.uint16)
+    places = [(30.0 + 42 * i, 30.0 + 42 * j) for i in range(20) for j in range(20)]
+    rates = sg.aperture(frame, places)["rate_adu_per_s"]
+    assert abs(rates.mean()) < 4 * rates.std() / math.sqrt(len(rates)), rates.mean()
+    hot = np.ma.masked_array(frame.copy(), mask=np.zeros(frame.shape, bool))
+    hot.data[30, 33] = 60000
+    hot.mask[30, 33] = True
+    found = sg.aperture(hot, places[:1])
+    assert abs(found["rate_adu_per_s"][0] - rates[0]) < 20, found
+    assert found["masked_fraction"][0] > 0
+    units = pytest.importorskip("astropy.units")
+    with pytest.raises(units.UnitConversionError):
+        sg.aperture(frame * units.electron, places)
+
+
+def test_arrays_say_what_is_wrong_with_them():
+    """What a text, a mask, a wrong length or a wrong unit would quietly have become; each by hand."""
+    times = [f"2026-01-01T20:00:0{i}Z" for i in range(6)]
+    m = np.ma.masked_array([5.0, 5.1, 30.0, 5.2, 5.3, 5.4], mask=[0, 0, 1, 0, 0, 0])
+    curve = sg.Curve.from_arrays(times, m, sigma_mag=0.1, target="sat 1", filter="V, wide")
+    assert curve.target == "sat 1" and pickle.loads(pickle.dumps(curve)).target == "sat 1"
+    assert 30.0 not in curve.table["magnitude"] and set(curve.table["filter"]) == {"V, wide"}
+    for wrong, told in [
+        (dict(filter=["B"]), "filter has 1 names, expected 6"),
+        (dict(sigma_mag=[0.1, 0.2]), "sigma_mag has the shape"),
+        (dict(sigma_mag=-0.1), "expected an uncertainty"),
+    ]:
+        with pytest.raises(sg.Error, match=told):
+            sg.Curve.from_arrays(times, m, **wrong)
+    with pytest.raises(ValueError, match="of the year 1500"):
+        sg.Curve.from_arrays(np.array(["1500-01-01"] * 6, "M8[s]"), m)
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"time": pandas.to_datetime([t.rstrip("Z") for t in times]), "mag": m.data})
+    there = sg.Curve.from_arrays(frame["time"], frame["mag"])
+    assert list(there.table["time_utc"]) == list(sg.Curve.from_arrays(times, m.data).table["time_utc"])
+    for place in ("18h36m 38d", (1, 2, 3)):
+        with pytest.raises(sg.Error, match="place"):
+            sg.star("mine", times[0], "ufo", place=place, v_mag=1, spectral_type="A0V")
+    sphere = sg.Body("lambert_sphere")
+    with pytest.raises(sg.Error, match="row 1 is nan"):
+        sphere.light([[1, 0, 0]] * 2, [[1, 0, 0]] * 2, range_m=[5, np.nan])
+    with pytest.raises(sg.Error, match="expected a whole number of 1 or more"):
+        sphere.picture(-1)
+    with pytest.raises(sg.Error, match="there is no curve"):
+        sg.period([])
+    with pytest.raises(ValueError, match="read-only"):
+        curve.table["magnitude"][0] = 1
+    error = pytest.raises(sg.Error, sg.Body, "nosuch").value
+    assert str(pickle.loads(pickle.dumps(error))) == str(error) and type(error).__module__ == "sunglint"
+    result = sg.star("Vega", times[0], "ufo")
+    assert "station" in result and set(result) == set(result.summary) and result.get("none", 3) == 3
+    travelled = pickle.loads(pickle.dumps(result))
+    assert travelled.encode("csv") == result.encode("csv") and travelled.encode("json")
+
+
 def test_devices_are_the_programs(tmp_path):
     """Simulated devices: their numbers are the program's; a stage stays where it was sent; a recording replays in the program."""
     theirs = json.loads(program("devices", "read", "sim-pm100", "--with", "power_w=2e-6", "-n", "2", "--json", "-q"))

@@ -13,6 +13,18 @@ use sunglint_radiometry::station::RecordedError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReduceError {
+    /// No source near the place that was given for the target.
+    #[error(
+        "no source within {most_px} px of the place that was given for the target, column {column}, row {row}: look for it with `detect`, or leave the place out"
+    )]
+    NothingThere {
+        /// The place, px.
+        column: f64,
+        /// The place, px.
+        row: f64,
+        /// As far as it was looked for, px.
+        most_px: f64,
+    },
     /// A file that cannot be read.
     #[error(transparent)]
     File(#[from] FileError),

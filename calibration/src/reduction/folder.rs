@@ -397,6 +397,9 @@ pub fn reduce_frames(
         seen.field.growth = middle.or_else(|| Growth::middle(growths.iter().flatten()));
     }
     let chosen = choose(&fields, options.place_px.map(|place| place.to_array()));
+    if let Some(place) = options.place_px.filter(|_| chosen.of.iter().all(Option::is_none)) {
+        return Err(ReduceError::NothingThere { column: place.x, row: place.y, most_px: PLACE_PX });
+    }
     folder.chosen_by = chosen.by;
     folder.motion_px_per_s = chosen.motion.map(DVec2::from);
     let speed = speed_px_per_s(&fields, &chosen.of);
@@ -1043,6 +1046,8 @@ fn year_of(time: Epoch) -> f64 {
     2000.0 + (time.to_jde_tt_days() - 2_451_545.0) / 365.25
 }
 
+/// A target is this near to the place that was given for it, px.
+const PLACE_PX: f64 = 25.0;
 /// Sources of a frame that are tried as the target at most.
 const MOST_CANDIDATES: usize = 400;
 
@@ -1098,18 +1103,33 @@ fn choose(fields: &[Seen<'_>], place: Option<[f64; 2]>) -> Chosen {
             let by = format!("the place that was given and even motion: {kind}");
             return Chosen { of, by, motion: Some(motion) };
         }
-        let first = |(f, c): (&Seen<'_>, &Vec<Which>)| {
-            let from = |w: &Which| {
+        let near = |f: &Seen<'_>, sources: &[Which], most_px: f64| {
+            let away = |w: &Which| {
                 let at = f.place(*w);
                 (at[0] - place[0]).hypot(at[1] - place[1])
             };
-            c.iter().copied().min_by(|a, b| from(a).total_cmp(&from(b)))
+            let nearest = sources.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)));
+            nearest.filter(|w| away(w) <= most_px)
         };
-        let of = fields.iter().zip(&candidates).map(first).collect();
-        return Chosen {
-            of,
-            by: format!("nearest to the place that was given: {kind}"),
-            motion: None,
+        let everything = |f: &Seen<'_>| -> Vec<Which> {
+            let points = (0..f.field.points.len()).map(Which::Point);
+            f.streaks().map(Which::Streak).chain(points).collect()
+        };
+        let moves = fields.first().zip(candidates.first());
+        let moves = moves.is_some_and(|(f, c)| near(f, c, PLACE_PX).is_some());
+        let standing: Vec<Option<Which>> =
+            fields.iter().map(|f| near(f, &everything(f), PLACE_PX)).collect();
+        let stands = 2 * standing.iter().flatten().count() >= n;
+        return if stands && (n >= 3 || !moves) {
+            let by = "the place that was given: a source that stays there".to_owned();
+            Chosen { of: standing, by, motion: None }
+        } else if moves {
+            let each = |(f, c): (&Seen<'_>, &Vec<Which>)| near(f, c, f64::INFINITY);
+            let of = fields.iter().zip(&candidates).map(each).collect();
+            Chosen { of, by: format!("nearest to the place that was given: {kind}"), motion: None }
+        } else {
+            let by = "the place that was given".to_owned();
+            Chosen { of: vec![None; n], by, motion: None }
         };
     }
     // One or two frames: the longest streak, or the point nearest to the middle where the stars are trailed.
@@ -1237,7 +1257,7 @@ fn linked(
                     let motion = [0, 1].map(|k| (q[k] - p[k]) / (time(j) - time(i)));
                     let start = [0, 1].map(|k| p[k] - motion[k] * time(i));
                     if let Some(place) = place
-                        && (start[0] - place[0]).hypot(start[1] - place[1]) > 25.0
+                        && (start[0] - place[0]).hypot(start[1] - place[1]) > PLACE_PX
                     {
                         continue;
                     }
