@@ -158,6 +158,11 @@ impl<'a> Rows<'a> {
 
     /// `shown` is `x` as the file has it.
     fn push(&mut self, line: u64, shown: &str, x: f64, y: f64) -> Result<(), ParseError> {
+        // In nanometres a number may be beyond all of them.
+        if !(x.is_finite() && y.is_finite()) {
+            let error = ParseError::new(self.path, excerpt(shown), "a finite number of nm");
+            return Err(error.at_line(line).in_field(self.name));
+        }
         let curve = &mut self.curve;
         if let Some(&last) = curve.x.last() {
             if curve.x.len() == 1 && curve.x_name.starts_with("wavelength") {
@@ -505,6 +510,8 @@ mod tests {
             (&export.replace("0.5,4", "0.6,4"), "x:7: found k at other wavelengths than n"),
             ("wl,n\n0.3,0.5\n0.5,0.75\n", "x: k: found no values of it"),
             (&yaml.replace("0.5 0.75 4", "0.3 0.75 4"), "x:7: wavelength_um: found 0.3, repeated"),
+            // Beyond all doubles in nm.
+            (&yaml.replace("0.5 0.75 4", "1e306 0.75 4"), "expected a finite number of nm"),
         ] {
             let error = read_str("x", text, Some("k")).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
