@@ -523,14 +523,6 @@ impl Reader<'_> {
             let error = ParseError::new(path, curve.x[0].to_string(), "a wavelength above 0 nm");
             return Err(error.at_line(curve.line(0)).in_field(field));
         }
-        let longest = curve.x[curve.x.len() - 1];
-        if longest < 20.0 {
-            let found = format!("{} to {longest} nm", curve.x[0]);
-            let error = ParseError::new(path, found, "wavelengths in nm").in_field(field);
-            return Err(
-                error.with_hint("if they are in micrometres, name the column wavelength_um")
-            );
-        }
         Ok(())
     }
 
