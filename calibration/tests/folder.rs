@@ -101,7 +101,8 @@ fn the_place_that_is_given_is_the_targets() {
         .sum()
     });
     let at = |place: Option<[f64; 2]>| {
-        let options = FolderOptions { place_px: place.map(Into::into), ..FolderOptions::default() };
+        let mut options = FolderOptions::default();
+        options.place_px = place.map(Into::into);
         reduce_frames(&frames.files, &options, &Silent)
     };
     for (given, there) in
