@@ -541,6 +541,9 @@ fn detect(
     })
 }
 
+/// Gain, e⁻/ADU, that stands for one that is not known.
+const NO_PHOTONS: f64 = 1e9;
+
 /// Light within apertures at places of a frame that are given: columns of numbers, one for each place.
 #[pyfunction]
 #[pyo3(signature = (pixels, places_px, radius_px=8.0, annulus_px=[12.0, 20.0], fwhm_px=4.0, exposure_s=1.0, gain_e_per_adu=None, read_noise_e=0.0, saturation_adu=None, masked=None))]
@@ -592,7 +595,8 @@ fn aperture<'py>(
             bayer: None,
             start: hifitime::Epoch::from_gregorian_utc_at_midnight(2000, 1, 1),
             exposure_s,
-            gain_e_per_adu,
+            // Of so many electrons an ADU light has no noise of its own, and its distribution no lean.
+            gain_e_per_adu: Some(gain_e_per_adu.unwrap_or(NO_PHOTONS)),
             temperature_c: None,
             saturation_adu,
             header: Header::default(),

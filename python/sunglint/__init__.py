@@ -164,7 +164,7 @@ def _vectors(of):
     array = _np.ascontiguousarray(_unmasked(of), dtype=_np.float64)
     if array.shape == (3,):
         return array.reshape(1, 3)
-    if array.ndim != 2 or array.shape[1] != 3:
+    if array.ndim != 2:
         raise Error(f"directions have the shape {array.shape}, expected (n, 3)")
     return array
 
@@ -1065,7 +1065,7 @@ def read_photometry(path, time_column=None, time_scale=None, magnitude_column=No
         Columns of a table whose names do not tell.
     time_scale : {'utc', 'tai', 'tt', 'tdb', 'gps'}, optional
         Of times whose column names no scale.
-    time_format : {'jd', 'mjd', 'unix', 's', 'iso'}, optional
+    time_format : {'jd', 'mjd', 'unix', 's', 'd', 'iso'}, optional
         Of times as numbers whose column's name does not say what they are.
     object : str, optional
         Of a table of several objects: the one whose rows are taken.

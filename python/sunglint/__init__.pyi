@@ -1,7 +1,7 @@
 # Types of the public names; python/tests/test_stubs.py holds them to the module.
 import datetime
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, overload
 
@@ -496,7 +496,7 @@ def read_photometry(
     time_scale: Literal["utc", "tai", "tt", "tdb", "gps"] | None = None,
     magnitude_column: str | None = None,
     sigma_column: str | None = None,
-    time_format: Literal["jd", "mjd", "unix", "s", "iso"] | None = None,
+    time_format: Literal["jd", "mjd", "unix", "s", "d", "iso"] | None = None,
     object: str | None = None,
     _keep: Any = None,
 ) -> Curve: ...

@@ -218,7 +218,7 @@ def test_columns_are_read_as_the_program_reads_them(tmp_path):
         assert abs(found["best"]["period_s"] / period_s - 1) < 0.01 or abs(found["best"]["period_s"] / period_s - 2) < 0.02
     with pytest.raises(sg.Error, match="2 objects"):
         sg.period(tmp_path / "two.csv", **mine)
-    with pytest.raises(sg.Error, match="jd, mjd, unix, s or iso"):
+    with pytest.raises(sg.Error, match="jd, mjd, unix, s, d or iso"):
         sg.period(tmp_path / "two.csv", object="A", **{**mine, "time_format": "days"})
 
 
