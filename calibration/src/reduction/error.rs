@@ -22,7 +22,7 @@ pub enum ReduceError {
         column: f64,
         /// The place, px.
         row: f64,
-        /// As far as it was looked for, px.
+        /// How far around it a source was looked for, px.
         most_px: f64,
     },
     /// A file that cannot be read.
