@@ -541,8 +541,8 @@ fn detect(
     })
 }
 
-/// Gain, e⁻/ADU, that stands for one that is not known.
-const NO_PHOTONS: f64 = 1e9;
+/// Gain, e⁻/ADU, for a frame whose gain is not known: with so many electrons an ADU, light has no noise of its own, and its distribution does not lean.
+const NO_PHOTON_NOISE: f64 = 1e9;
 
 /// Light within apertures at places of a frame that are given: columns of numbers, one for each place.
 #[pyfunction]
@@ -595,8 +595,7 @@ fn aperture<'py>(
             bayer: None,
             start: hifitime::Epoch::from_gregorian_utc_at_midnight(2000, 1, 1),
             exposure_s,
-            // Of so many electrons an ADU light has no noise of its own, and its distribution no lean.
-            gain_e_per_adu: Some(gain_e_per_adu.unwrap_or(NO_PHOTONS)),
+            gain_e_per_adu: Some(gain_e_per_adu.unwrap_or(NO_PHOTON_NOISE)),
             temperature_c: None,
             saturation_adu,
             header: Header::default(),

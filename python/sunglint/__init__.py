@@ -102,11 +102,6 @@ def _path(path):
     return _os.fsdecode(path)
 
 
-def _names(of):
-    """A list of names; a text is one name, not its letters."""
-    return [of] if isinstance(of, str) else list(of)
-
-
 def _whole(value, name, least=0):
     """A whole number that is no less than ``least``."""
     import operator
@@ -1150,7 +1145,8 @@ def _pair(of, name):
 
 
 def _several(of):
-    return list(of) if isinstance(of, (list, tuple)) else [of]
+    """A list; a text, a path, a curve, a result or a scene is one thing, not its parts."""
+    return [of] if isinstance(of, (str, bytes, _os.PathLike, Curve, Result, Scene)) else list(of)
 
 
 class Scene:
@@ -1284,7 +1280,7 @@ def compare(curve, scene, channels=(), tolerance=None, progress=None, **reading)
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     path, reading = _file_and_reading(curve, reading)
-    return Result(_core.compare(path, scene.path, reading, scene.station, _names(channels), tolerance, _callback(progress)))
+    return Result(_core.compare(path, scene.path, reading, scene.station, _several(channels), tolerance, _callback(progress)))
 
 
 def _with_scenes(scene, curves, reading):
@@ -1330,15 +1326,15 @@ def fit(scene, curves, free=(), per_pass=(), channels=(), largest_albedo=None, s
     FitResult
     """
     inputs, how, station = _with_scenes(scene, curves, reading)
-    free = _names(free)
+    free = _several(free)
     axis = ("attitude.axis_ra_deg", "attitude.axis_dec_deg")
     free = [one for name in free for one in (axis if name == "attitude.spin_axis" else (name,))]
     outcome, converged = _core.fit(
         inputs,
         how,
         free,
-        _names(per_pass),
-        _names(channels),
+        _several(per_pass),
+        _several(channels),
         station,
         largest_albedo,
         scintillation,
@@ -1378,7 +1374,7 @@ def period(curves, channels=(), shortest_s=None, longest_s=None, gap_s=None, har
     paths, how = _paths(curves, reading)
     return Result(
         _core.period(
-            paths, how, _names(channels), _value(shortest_s, "s"), _value(longest_s, "s"), _value(gap_s, "s"), _whole(harmonics, "harmonics", 1), sessions, station, _callback(progress)
+            paths, how, _several(channels), _value(shortest_s, "s"), _value(longest_s, "s"), _value(gap_s, "s"), _whole(harmonics, "harmonics", 1), sessions, station, _callback(progress)
         )
     )
 
@@ -1496,14 +1492,14 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             [_path(f) for f in frames],
             _pair(place_px, "place_px"),
             along,
-            [_path(f) for f in darks],
-            [_path(f) for f in flats],
+            [_path(f) for f in _several(darks)],
+            [_path(f) for f in _several(flats)],
             fwhm_px,
             aperture_px,
             streak_sigma,
             catalogue and _path(catalogue),
             catalogue_mag,
-            catalogue_colour and list(catalogue_colour),
+            catalogue_colour and _several(catalogue_colour),
             catalogue_system,
             near_deg and list(near_deg),
             scale_arcsec,
@@ -1704,8 +1700,8 @@ def archive(folder, object=None, channel=(), kind=(), station=None, start=None, 
     """
     wanted = dict(
         object=None if object is None else str(object),
-        channel=_names(channel),
-        kind=_names(kind),
+        channel=_several(channel),
+        kind=_several(kind),
         station=station,
         start=_utc(start),
         end=_utc(end),
@@ -1820,7 +1816,7 @@ def passes(elements, start, station, end=None, norad_id=(), name=(), min_elevati
     numbers = [norad_id] if isinstance(norad_id, (int, str)) else list(norad_id)
     wanted = dict(
         norad_id=[str(n) for n in numbers],
-        name=_names(name),
+        name=_several(name),
         min_elevation_deg=_value(min_elevation_deg, "deg"),
         sun_below_deg=_value(sun_below_deg, "deg"),
         min_culmination_deg=_value(min_culmination_deg, "deg"),
@@ -2330,7 +2326,7 @@ def fold(curves, period_s, period_sigma_s=None, epoch=None, scene=None, axis=Non
         scene, station = scene.path, station or scene.station
     return Result(
         _core.fold(
-            paths, how, _air(air), _value(period_s, "s"), _value(period_sigma_s, "s"), _utc(epoch), scene and _path(scene), _place(axis), _whole(bins, "bins", 1), _names(channels), station, _names(keep)
+            paths, how, _air(air), _value(period_s, "s"), _value(period_sigma_s, "s"), _utc(epoch), scene and _path(scene), _place(axis), _whole(bins, "bins", 1), _several(channels), station, _several(keep)
         )
     )
 
@@ -2378,7 +2374,7 @@ def unmix(curve, endmembers, scene=None, station=None, no_air=False, total_m2_sr
     if isinstance(scene, Scene):
         scene, station = scene.path, station or scene.station
     return Result(
-        _core.unmix(_file(curve), [_path(e) for e in _names(endmembers)], _air(air), scene and _path(scene), station, no_air, total_m2_sr, unweighted, confusion)
+        _core.unmix(_file(curve), [_path(e) for e in _several(endmembers)], _air(air), scene and _path(scene), station, no_air, total_m2_sr, unweighted, confusion)
     )
 
 
@@ -2407,7 +2403,7 @@ def body_map(scene, curve=None, endmembers=(), step_deg=5.0, phase_deg=None, alo
         _core.body_map(
             scene.path,
             None if curve is None else _file(curve),
-            [_path(e) for e in _names(endmembers)],
+            [_path(e) for e in _several(endmembers)],
             _value(step_deg, "deg"),
             _value(phase_deg, "deg"),
             along,
@@ -2451,7 +2447,7 @@ def attitude(scene, curves, known=(), period_s=None, sense="both", scale="none",
     inputs, how, station = _with_scenes(scene, curves, reading)
     return Result(
         _core.attitude(
-            inputs, how, _names(known), period_s and tuple(map(float, period_s)), sense, scale, _names(channels), axes, direct_only, station, seed, _callback(progress)
+            inputs, how, _several(known), period_s and tuple(map(float, period_s)), sense, scale, _several(channels), axes, direct_only, station, seed, _callback(progress)
         )
     )
 
@@ -2548,7 +2544,7 @@ def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg
             _file(table),
             _value(wavelength_nm, "nm"),
             floor_per_sr,
-            _names(laws),
+            _several(laws),
             _value(cone_deg, "deg"),
             _value(source_deg, "deg"),
             _value(theta_most_deg, "deg"),

@@ -4,7 +4,7 @@ use super::Channel;
 use super::channel::Given;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
-/// Largest shift that is looked for, s: one more than the 69.2 s of Terrestrial Time, with room for a slow clock.
+/// Largest shift that is looked for, s: Terrestrial Time is 69.2 s from UTC, and clocks are off by more.
 const MOST_S: f64 = 120.0;
 /// Samples of a channel that are looked at, spread over all of it.
 const MOST_SAMPLES: usize = 1000;
@@ -25,7 +25,7 @@ const GAP_STEPS: f64 = 5.0;
 pub struct TimeShift {
     /// Measured times less the simulated times of the same light, s.
     pub late_s: f64,
-    /// How far from that it may be by its own scatter, s.
+    /// Reach of the shifts that fit as well: three standard deviations if the residuals are independent, s.
     pub doubt_s: f64,
     /// Scatter of ln(measured/simulated) about a parabola in time for each channel, as the times stand: root mean square, in which what is far off counts as three standard deviations.
     pub scatter: f64,
@@ -118,7 +118,7 @@ fn scatter(residuals: impl Iterator<Item = f64> + Clone) -> f64 {
 
 /// Looks for a shift of up to two minutes with which the light agrees much better, over the whole curve and in each half of it. `None` where there is none, or too little light to say.
 ///
-/// Each channel has a scale, a slope and a bend of its own: what is told lies in the finer course of the light. Of a smooth curve nothing is said. `seconds` are those of the samples, in order.
+/// Each channel has a scale, a slope and a bend of its own, so that only the finer course of the light tells a shift. A few seconds of a smooth curve are not told. `seconds` are those of the samples, in order.
 pub fn time_shift(seconds: &[f64], channels: &[(&Given<'_>, &Channel)]) -> Option<TimeShift> {
     let curves: Vec<Curve> =
         channels.iter().map(|(given, channel)| Curve::new(seconds, given, channel)).collect();

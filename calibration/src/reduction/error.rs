@@ -18,11 +18,11 @@ pub enum ReduceError {
         "no source within {most_px} px of the place that was given for the target, column {column}, row {row}: look for it with `detect`, or leave the place out"
     )]
     NothingThere {
-        /// The place, px.
+        /// Column of the place, px.
         column: f64,
-        /// The place, px.
+        /// Row of the place, px.
         row: f64,
-        /// How far around it a source was looked for, px.
+        /// Distance from it within which a source was looked for, px.
         most_px: f64,
     },
     /// A file that cannot be read.

@@ -60,7 +60,7 @@ pub fn fwhm_px(
     Ok(best.map(|seen| seen.width))
 }
 
-/// What a filter sees.
+/// Points that a filter for one width sees.
 struct Seen {
     width: Width,
     /// On how many frames.
