@@ -28,6 +28,8 @@ pub struct MasterFrame {
     pub binning: [u32; 2],
     /// Exposure of the frames, s.
     pub exposure_s: f64,
+    /// Noise of a pixel, ADU; 0 where it is not known.
+    pub noise_adu: f64,
 }
 
 impl MasterFrame {
@@ -45,6 +47,7 @@ impl MasterFrame {
             origin: first.origin,
             binning: first.binning,
             exposure_s: first.exposure_s,
+            noise_adu: 0.0,
         })
     }
 
@@ -181,6 +184,11 @@ impl FrameCalibration {
     /// Whether values stay the whole counts that were read.
     pub(crate) fn keeps_counts(&self) -> bool {
         self.dark.is_none() && self.bias.is_none() && self.flat.is_none()
+    }
+
+    /// Noise of a pixel of what is subtracted, ADU.
+    pub(crate) fn noise_adu(&self) -> f64 {
+        self.dark.as_ref().or(self.bias.as_ref()).map_or(0.0, |master| master.noise_adu)
     }
 
     /// This calibration laid over a frame.

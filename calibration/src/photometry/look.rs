@@ -13,6 +13,25 @@ pub(crate) struct Setting {
     pub gain_e_per_adu: f64,
 }
 
+/// Least part of the annulus' width that is enough of it at a frame's edge.
+const LEAST_ANNULUS: f64 = 0.4;
+
+impl Setting {
+    /// The same with an annulus that ends at the edge of a frame of this size, where enough of it is left.
+    pub fn within(&self, aperture: &Aperture, size: [usize; 2]) -> Self {
+        let [inner, outer] = self.annulus_px;
+        let trail = aperture.half_box_px(0.0);
+        let room = (0..2)
+            .map(|axis| {
+                let centre = aperture.centre_px[axis];
+                (centre + 0.5).min(size[axis] as f64 - 0.5 - centre) - trail[axis]
+            })
+            .fold(f64::INFINITY, f64::min);
+        let enough = room >= inner + LEAST_ANNULUS * (outer - inner);
+        Self { annulus_px: [inner, if enough { outer.min(room) } else { outer }], ..*self }
+    }
+}
+
 /// Buffers of a look, and what it found.
 #[derive(Debug, Default)]
 pub(crate) struct Look {

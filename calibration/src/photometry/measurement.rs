@@ -4,6 +4,7 @@ use super::Aperture;
 use crate::track::TrackPoint;
 use glam::DVec2;
 use hifitime::Epoch;
+use sunglint_numerics::measured::Interval;
 use sunglint_radiometry::light_curve::Flags;
 
 /// A plane of a frame.
@@ -44,6 +45,8 @@ pub struct FrameMeasurement {
     pub place_px: Option<DVec2>,
     /// The aperture that was summed over, for figures; `None` where no target was found.
     pub aperture: Option<Aperture>,
+    /// Inner and outer radius of the annulus that the background is from, px.
+    pub annulus_px: Option<Interval>,
     /// Full width at half maximum of the target, pixels of the frame, without the pixel's own width; across the trail where there is one.
     pub fwhm_px: Option<f64>,
     /// Sources that passed all filters in the part of the frame that was searched; more than one is ambiguous.

@@ -65,6 +65,7 @@ mod look;
 mod measurement;
 mod options;
 mod overlap;
+mod quiet;
 mod reducer;
 mod regions;
 mod scintillation;

@@ -26,6 +26,15 @@ pub struct Expected {
     pub trail_px: Option<DVec2>,
     /// Airmass, for the scintillation.
     pub airmass: Option<f64>,
+    /// Radius of the aperture, px, where it is another than the options'; the annulus is in proportion.
+    pub aperture_radius_px: Option<f64>,
+}
+
+impl Expected {
+    /// Radius of the aperture, px.
+    fn radius_px(&self, options: &PhotometryOptions) -> f64 {
+        self.aperture_radius_px.unwrap_or(options.aperture_radius_px)
+    }
 }
 
 /// Measures frames. Holds the calibration of the sensor, buffers, and the tally of what was removed.
@@ -136,7 +145,7 @@ impl FrameReducer {
         expected: &Expected,
         desk: &mut Desk,
     ) -> Result<Measured, PhotometryError> {
-        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration, expected)?;
         let sought = sought(frame, &self.options, expected, self.last_offset_px);
         let detection = desk.detector.find(&reading, &sought, &setting);
         let mut tally = count(&detection);
@@ -149,7 +158,7 @@ impl FrameReducer {
         };
         let aperture = Aperture {
             centre_px: target.place_px,
-            radius_px: self.options.aperture_radius_px,
+            radius_px: expected.radius_px(&self.options),
             trail_px: self.trail(expected, target.trail_px),
         };
         let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px.low);
@@ -183,9 +192,9 @@ impl FrameReducer {
         place_px: impl Into<DVec2>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
-        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration, expected)?;
         let trail_px = self.trail(expected, DVec2::ZERO);
-        let (centre_px, radius_px) = (place_px.into(), self.options.aperture_radius_px);
+        let (centre_px, radius_px) = (place_px.into(), expected.radius_px(&self.options));
         let aperture = Aperture { centre_px, radius_px, trail_px };
         let mut look = std::mem::take(&mut self.desk.look);
         let mut tally = Tally { frames: 1, ..Tally::default() };
@@ -212,7 +221,7 @@ impl FrameReducer {
         let Some(aperture) = measured.aperture.filter(|_| place_px.is_finite()) else {
             return Ok(measured);
         };
-        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration, expected)?;
         let around = Expected { place_px: Some(place_px), ..*expected };
         let sought = sought(frame, &self.options, &around, self.last_offset_px);
         let within_px = aperture.radius_px + aperture.trail_length_px() + self.options.fwhm_px;
@@ -233,7 +242,7 @@ impl FrameReducer {
         frame: &Frame,
         expected: &Expected,
     ) -> Result<Detection, PhotometryError> {
-        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration, expected)?;
         let sought = sought(frame, &self.options, expected, self.last_offset_px);
         let detection = self.desk.detector.find(&reading, &sought, &setting);
         if let Some(target) = detection.target.and_then(|t| detection.candidates.get(t)) {
@@ -264,26 +273,32 @@ impl FrameReducer {
         tally: &mut Tally,
     ) -> FrameMeasurement {
         let frame = reading.frame;
-        look.at(reading, &aperture, setting);
+        let size = [frame.pixels.ncols(), frame.pixels.nrows()];
+        let whole = setting;
+        let mut setting = whole.within(&aperture, size);
+        look.at(reading, &aperture, &setting);
         let mut centroid = None;
         if let Some((fwhm_px, without)) = searched {
             let window_fwhm_px = self.options.fwhm_px;
             let widths_px = [window_fwhm_px, fwhm_px];
-            centroid = centroid_of(look, reading, setting, &aperture, widths_px, without);
+            centroid = centroid_of(look, reading, &setting, &aperture, widths_px, without);
             if let Some(found) = centroid {
                 let moved = (found.place_px[0] - aperture.centre_px[0])
                     .hypot(found.place_px[1] - aperture.centre_px[1]);
                 aperture.centre_px = found.place_px;
-                if moved > 0.5 {
-                    look.at(reading, &aperture, setting);
+                let moved_setting = whole.within(&aperture, size);
+                if moved > 0.5 || moved_setting.annulus_px != setting.annulus_px {
+                    setting = moved_setting;
+                    look.at(reading, &aperture, &setting);
                 }
             }
         }
-        let planes = self.planes(frame, setting, aperture, centroid, look, tally);
+        let planes = self.planes(frame, &setting, aperture, centroid, look, tally);
         let fwhm_px = centroid.map(|c| c.point_fwhm_px()).filter(|f| f.is_finite());
         let mut measured = FrameMeasurement {
             place_px: Some(aperture.centre_px),
             aperture: Some(aperture),
+            annulus_px: Some(setting.annulus_px.into()),
             fwhm_px,
             candidates: 1,
             planes,
@@ -420,6 +435,7 @@ fn prepare<'a>(
     frame: &'a Frame,
     options: &PhotometryOptions,
     calibration: &'a FrameCalibration,
+    expected: &Expected,
 ) -> Result<(Reading<'a>, Setting), PhotometryError> {
     let exposure_s = frame.exposure_s;
     if exposure_s.is_nan() || exposure_s <= 0.0 {
@@ -431,11 +447,17 @@ fn prepare<'a>(
     let clipping = Clipping {
         sigma: options.clip_sigma,
         rounds: options.clip_rounds,
-        gain_and_read_noise: Some((gain_e_per_adu, options.read_noise_e)),
+        // The noise of a dark that is taken off is no photons' either.
+        gain_and_read_noise: Some((
+            gain_e_per_adu,
+            options.read_noise_e.hypot(gain_e_per_adu * calibration.noise_adu()),
+        )),
         step_adu: if calibration.keeps_counts() { 1.0 } else { 0.0 },
     };
     let reading = Reading { frame, laid: calibration.over(frame)?, saturation_adu };
-    Ok((reading, Setting { annulus_px: options.annulus_px.to_array(), clipping, gain_e_per_adu }))
+    let larger = expected.radius_px(options) / options.aperture_radius_px;
+    let annulus_px = options.annulus_px.to_array().map(|radius| larger * radius);
+    Ok((reading, Setting { annulus_px, clipping, gain_e_per_adu }))
 }
 
 /// Returns the inputs of a search for the target.
@@ -451,7 +473,7 @@ fn sought<'a>(
         fwhm_px: options.fwhm_px,
         trail: expected.trail_px.map_or(options.trail, Trail::Known),
         place_px: expected.place_px.map_or_else(middle, |place| place.to_array()),
-        aperture_radius_px: options.aperture_radius_px,
+        aperture_radius_px: expected.radius_px(options),
         probably_px: last_offset_px + 4.0 * options.fwhm_px,
     }
 }
@@ -465,6 +487,7 @@ fn without_target(frame: &Frame, scintillation: Option<f64>) -> FrameMeasurement
         track: TrackPoint { time, exposure_s: frame.exposure_s, place: None },
         place_px: None,
         aperture: None,
+        annulus_px: None,
         fwhm_px: None,
         candidates: 0,
         scintillation,
@@ -527,7 +550,9 @@ mod tests {
                 header: Header::default(),
             };
             let calibration = FrameCalibration::default();
-            let (reading, setting) = prepare(&frame, &options, &calibration).unwrap();
+            let expected_there = Expected::default();
+            let (reading, setting) =
+                prepare(&frame, &options, &calibration, &expected_there).unwrap();
             let [gain, noise] = [setting.gain_e_per_adu, reading.saturation_adu];
             assert!((gain - expected.0).abs() < 1e-9, "{own:?}: {gain}");
             assert!((noise - expected.1).abs() < 1e-6, "{own:?}: {noise}");

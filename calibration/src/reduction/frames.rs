@@ -2,10 +2,11 @@
 
 use super::library::Library;
 use super::recipe::{PointedPlace, RefusedFrames};
-use super::seeing::{self, Width};
+use super::seeing;
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of, said_kind};
 use super::sky::Body;
 use super::times::{TimeDoubt, Times, move_to_row};
+use super::widths::{Apertures, Looked, Widths};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
@@ -64,8 +65,10 @@ pub struct CameraNight {
     pub shared: u64,
     /// Width of points assumed for each stay, px: as told, or as its own frames show them.
     pub fwhm_px: Vec<f64>,
-    /// Radius of the aperture, inner and outer radius of the annulus, px.
+    /// Radius of the largest aperture, inner and outer radius of its annulus, px.
     pub aperture_px: [f64; 3],
+    /// Radius of the smallest aperture, px: where they are taken from the frames, they are as many widths of a point everywhere.
+    pub smallest_aperture_px: f64,
     /// Calibration frames that were used.
     pub sensor: Used,
     /// Names of the masters that were taken from the library.
@@ -150,8 +153,8 @@ pub struct FrameOptions {
     pub photometry: PhotometryOptions,
     /// Whether how wide points are is taken from each stay's own frames, not from the options.
     pub fwhm_from_frames: bool,
-    /// Whether the aperture is the widest points', [`APERTURE_FWHM`] times as wide, where that is more than the options'. One for all frames: what lies outside is
-    /// then nearly the same part for all targets.
+    /// Whether apertures follow the points: [`APERTURE_FWHM`] times as wide as they are, or more where the options' aperture is more than that of the widest. As many widths of a point for
+    /// all frames, in which low targets are wider than high ones: what lies outside is then the same part of the light of all.
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
@@ -257,15 +260,18 @@ pub fn camera_night(
         sensor.keep_all()?;
     }
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
-    let mut fwhm_px = vec![options.fwhm_px; stays.len()];
-    let mut widest_px = options.fwhm_px;
+    let mut seen_widths = Widths::all(options.fwhm_px, stays.len());
     let by_hand = ByHand::of(how, camera, &files, &stay_of, stays);
     if how.fwhm_from_frames {
-        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &by_hand, &mut sensor)?;
+        let airmasses: Vec<Option<f64>> = zeniths.iter().map(|z| z.and_then(airmass)).collect();
+        let of = (&files[..], &stay_of[..], &airmasses[..]);
+        seen_widths = widths(of, stays, &options, &by_hand, &mut sensor)?;
     }
     if how.aperture_from_frames {
-        widen(&mut options, widest_px);
+        widen(&mut options, seen_widths.widest_px);
     }
+    let follow = how.aperture_from_frames.then(|| seen_widths.clone());
+    let mut apertures = Apertures::new(options.aperture_radius_px, follow);
     let mut reducers = Reducers::new(options.clone(), sensor, camera, station);
     let mut night = CameraNight {
         camera: camera.to_owned(),
@@ -279,8 +285,9 @@ pub fn camera_night(
         partly: 0,
         without_light: 0,
         shared: 0,
-        fwhm_px,
-        aperture_px: [options.aperture_radius_px, options.annulus_px.low, options.annulus_px.high],
+        fwhm_px: (0..stays.len()).map(|stay| seen_widths.of_stay(stay)).collect(),
+        aperture_px: [0.0; 3],
+        smallest_aperture_px: 0.0,
         sensor: Used::default(),
         from_library: Vec::new(),
         to_library: Vec::new(),
@@ -352,6 +359,8 @@ pub fn camera_night(
                         one.expected.place_px = place.map(DVec2::from);
                         most_px
                     });
+                    one.expected.aperture_radius_px =
+                        apertures.radius_px(stay, airmass, frame.pixels.dim(), frame.start);
                     let fwhm_px = night.fwhm_px[stay];
                     one.held = reducers.ready(frame, stay, fwhm_px, one.refused, within_px)?;
                 }
@@ -397,7 +406,8 @@ pub fn camera_night(
                 let due = night.shown[stay].len() < SHOWN;
                 let before = seen[stay] - 1;
                 if due && before * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
-                    night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
+                    let annulus_px = measured.annulus_px.unwrap_or(options.annulus_px);
+                    night.shown[stay].push(Shown::of(&frame, &measured, annulus_px));
                 }
                 let setting = reducers.setting(&Taken::of(&frame));
                 rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
@@ -427,6 +437,12 @@ pub fn camera_night(
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
     reducers.finish(&mut night);
+    let aperture_px = options.aperture_radius_px;
+    let used = apertures.used_px.unwrap_or(Interval { low: aperture_px, high: aperture_px });
+    let annulus = options.annulus_px.to_array().map(|radius| radius * used.high / aperture_px);
+    night.aperture_px = [used.high, annulus[0], annulus[1]];
+    night.smallest_aperture_px = used.low;
+    night.warnings.extend(apertures.warning().map(|w| format!("camera {camera}: {w}")));
     night.warnings.extend(times.warning());
     night.times = times.of_stay;
     for (count, what) in [
@@ -869,46 +885,56 @@ impl<'a> Reducers<'a> {
     }
 }
 
-/// How wide points are at each stay, px, and the widest of those with frames that give a rate; a stay that does not tell has the median of those, or what the
-/// options say.
+/// How wide points are at each stay and airmass; a stay that does not tell has the median of those that do, or what the options say.
 fn widths(
-    files: &[FrameFile],
-    stay_of: &[Option<usize>],
+    (files, stay_of, airmasses): (&[FrameFile], &[Option<usize>], &[Option<f64>]),
     stays: &[Stay],
     options: &PhotometryOptions,
     by_hand: &ByHand,
     sensor: &mut Sensor<'_>,
-) -> Result<(Vec<f64>, f64), ReduceError> {
-    let mut widths: Vec<Option<Width>> = vec![None; stays.len()];
+) -> Result<Widths, ReduceError> {
+    let mut medians: Vec<Option<f64>> = vec![None; stays.len()];
+    let mut looked: Vec<Vec<Looked>> = vec![Vec::new(); stays.len()];
+    let mut sharp: Vec<f64> = Vec::new();
     let mut known = None;
-    for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
+    for number in (0..stays.len()).filter(|stay| stays[*stay].target.on) {
         let is_of_it = |i: &usize| stay_of[*i] == Some(number) && !by_hand.refused.contains(i);
-        let of_it: Vec<&FrameFile> = (0..files.len()).filter(is_of_it).map(|i| &files[i]).collect();
+        let of_it: Vec<usize> = (0..files.len()).filter(is_of_it).collect();
         // The first place will do: other sources are points as wide as the target.
         let place_px = by_hand.first.get(&number).and_then(|first| by_hand.places.get(first));
         let expected =
             Expected { place_px: place_px.copied().map(DVec2::from), ..Expected::default() };
         // As the first of its frames was taken.
-        let first = of_it.iter().find_map(|file| file.read().ok());
+        let first = of_it.iter().find_map(|i| files[*i].read().ok());
         let Some(first) = first else { continue };
         let taken = Taken::of(&first);
         if known.as_ref().is_none_or(|(of, _): &(Taken, _)| !of.is_like(&taken)) {
             known = Some((taken.clone(), sensor.calibration(&taken)?));
         }
         let of_one =
-            |file: &&&FrameFile| file.read().is_ok_and(|frame| Taken::of(&frame).is_like(&taken));
-        let mixed = of_it.last().is_some_and(|last| !of_one(&last));
-        let of_it = if mixed { of_it.iter().filter(of_one).copied().collect() } else { of_it };
-        if let Some((_, calibration)) = &known {
-            *width = seeing::fwhm_px(&of_it, options, calibration, &expected)?;
+            |i: &usize| files[*i].read().is_ok_and(|frame| Taken::of(&frame).is_like(&taken));
+        let mixed = of_it.last().is_some_and(|last| !of_one(last));
+        let of_it = if mixed { of_it.into_iter().filter(of_one).collect() } else { of_it };
+        let Some((_, calibration)) = &known else { continue };
+        let seen: Vec<&FrameFile> = of_it.iter().map(|i| &files[*i]).collect();
+        let Some(width) = seeing::fwhm_px(&seen, options, calibration, &expected)? else {
+            continue;
+        };
+        medians[number] = Some(width.fwhm_px);
+        if width.saturated {
+            continue;
+        }
+        sharp.push(width.fwhm_px);
+        for (path, fwhm_px) in width.of_files {
+            let airmass =
+                of_it.iter().find(|i| files[**i].path == path).and_then(|i| airmasses[*i]);
+            looked[number].extend(airmass.map(|airmass| Looked { fwhm_px, airmass }));
         }
     }
-    let mut sharp: Vec<f64> =
-        widths.iter().flatten().filter(|w| !w.saturated).map(|w| w.fwhm_px).collect();
     sharp.sort_by(f64::total_cmp);
     let median = sharp.get(sharp.len() / 2).copied().unwrap_or(options.fwhm_px);
     let widest = sharp.last().copied().unwrap_or(options.fwhm_px);
-    Ok((widths.into_iter().map(|width| width.map_or(median, |w| w.fwhm_px)).collect(), widest))
+    Ok(Widths::of(&medians, widest, median, &looked))
 }
 
 /// An aperture for points of this width, and an annulus in proportion; never smaller than they are.

@@ -251,7 +251,11 @@ impl Master {
             }
         };
         let name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Found { name, frame: MasterFrame { pixels, origin, binning, exposure_s }, bad })
+        Ok(Found {
+            name,
+            frame: MasterFrame { pixels, origin, binning, exposure_s, noise_adu: 0.0 },
+            bad,
+        })
     }
 }
 

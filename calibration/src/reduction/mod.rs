@@ -17,6 +17,7 @@ pub mod sight;
 pub mod sky;
 pub mod tags;
 pub mod times;
+mod widths;
 pub mod wings;
 
 pub use error::ReduceError;

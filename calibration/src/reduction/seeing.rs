@@ -3,6 +3,7 @@
 use crate::photometry::{
     Expected, FrameCalibration, FrameReducer, PhotometryError, PhotometryOptions,
 };
+use std::path::PathBuf;
 use sunglint_formats::Frame;
 use sunglint_formats::session::FrameFile;
 use sunglint_numerics::order::median;
@@ -15,15 +16,19 @@ const TRIED_PX: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 const UNRESOLVED_PX: f64 = 1.7;
 /// A width that was found this far above the one that was tried is not yet it: the window of the centroid was too narrow.
 const WIDER: f64 = 1.3;
+/// Points of a stay are at most this much wider or narrower than their median.
+const WIDEST: f64 = 2.5;
 
 /// How wide a target is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Width {
     /// Median full width at half maximum, px.
     pub fwhm_px: f64,
     /// Whether every frame that showed it was saturated: clipped light looks wider than a point is, good enough to find the target by, but no measure of how
     /// wide an aperture must be (such frames have no rate either).
     pub saturated: bool,
+    /// The widths of the frames that the median is of, px, each with its frame's file.
+    pub of_files: Vec<(PathBuf, f64)>,
 }
 
 /// The median full width at half maximum of the target on some frames of a stay, those without a saturated pixel if there are any; `None` where fewer
@@ -39,8 +44,9 @@ pub fn fwhm_px(
 ) -> Result<Option<Width>, PhotometryError> {
     let step = files.len().div_ceil(LOOKS).max(1);
     // What cannot be read is told of when it is measured.
-    let frames: Vec<Frame> =
-        files.iter().step_by(step).filter_map(|file| file.read().ok()).collect();
+    let read = |file: &&&FrameFile| Some((file.path.clone(), file.read().ok()?));
+    let frames: Vec<(PathBuf, Frame)> =
+        files.iter().step_by(step).filter_map(|f| read(&f)).collect();
     let look = |tried_px| Seen::of(&frames, tried_px, options, calibration, expected);
     let mut best = None;
     for tried_px in TRIED_PX {
@@ -57,7 +63,54 @@ pub fn fwhm_px(
     {
         best = Some(seen);
     }
-    Ok(best.map(|seen| seen.width))
+    match best {
+        Some(seen) if !seen.width.saturated && seen.width.fwhm_px >= TRIED_PX[0] => {
+            Ok(Some(adapted(seen.width, &frames, options, calibration, expected)?))
+        }
+        best => Ok(best.map(|seen| seen.width)),
+    }
+}
+
+/// Rounds in which a window is made as wide as its point, and the change that ends them.
+const ROUNDS: usize = 5;
+const SAME: f64 = 0.01;
+
+/// Widths under windows that are as wide as the points themselves (adaptive moments; Bernstein and Jarvis 2002): so that points of one profile and other widths have widths in
+/// proportion, whatever the profile. A frame that does not lead to one is left out.
+fn adapted(
+    mut width: Width,
+    frames: &[(PathBuf, Frame)],
+    options: &PhotometryOptions,
+    calibration: &FrameCalibration,
+    expected: &Expected,
+) -> Result<Width, PhotometryError> {
+    let start = PhotometryOptions { fwhm_px: width.fwhm_px, ..options.clone() };
+    let mut reducer = FrameReducer::new(start, calibration.clone())?;
+    let mut adapted = Vec::new();
+    for (path, first_px) in &width.of_files {
+        let Some((_, frame)) = frames.iter().find(|(of, _)| of == path) else { continue };
+        let mut fwhm_px = first_px.clamp(width.fwhm_px / WIDEST, width.fwhm_px * WIDEST);
+        for _ in 0..ROUNDS {
+            reducer.set_fwhm_px(fwhm_px)?;
+            let measured = reducer.measure(frame, expected)?;
+            let Some(next) = measured.fwhm_px.filter(|px| *px > 0.0) else { break };
+            let settled = (next / fwhm_px - 1.0).abs() < SAME;
+            if !(width.fwhm_px / WIDEST..=width.fwhm_px * WIDEST).contains(&next) {
+                break;
+            }
+            fwhm_px = next;
+            if settled {
+                adapted.push((path.clone(), fwhm_px));
+                break;
+            }
+        }
+    }
+    if 2 * adapted.len() >= width.of_files.len()
+        && let Some(fwhm_px) = median(adapted.iter().map(|(_, px)| *px))
+    {
+        (width.fwhm_px, width.of_files) = (fwhm_px, adapted);
+    }
+    Ok(width)
 }
 
 /// Points that a filter for one width sees.
@@ -70,7 +123,7 @@ struct Seen {
 impl Seen {
     /// `None` on fewer than half of the frames, or of points too wide for the filter.
     fn of(
-        frames: &[Frame],
+        frames: &[(PathBuf, Frame)],
         tried_px: f64,
         options: &PhotometryOptions,
         calibration: &FrameCalibration,
@@ -78,22 +131,27 @@ impl Seen {
     ) -> Result<Option<Self>, PhotometryError> {
         let options = PhotometryOptions { fwhm_px: tried_px, ..options.clone() };
         let mut reducer = FrameReducer::new(options, calibration.clone())?;
-        let found: Vec<(f64, bool)> = frames
+        let found: Vec<(&PathBuf, f64, bool)> = frames
             .iter()
-            .filter_map(|frame| {
+            .filter_map(|(path, frame)| {
                 let measured = reducer.measure(frame, expected).ok()?;
                 let saturated = measured.planes.iter().any(|plane| plane.saturated_pixels > 0);
-                measured.fwhm_px.map(|fwhm_px| (fwhm_px, saturated))
+                measured.fwhm_px.map(|fwhm_px| (path, fwhm_px, saturated))
             })
-            .filter(|(fwhm_px, _)| fwhm_px.is_finite() && *fwhm_px >= 0.5)
+            .filter(|(_, fwhm_px, _)| fwhm_px.is_finite() && *fwhm_px >= 0.5)
             .collect();
         if found.is_empty() || 2 * found.len() < frames.len() {
             return Ok(None);
         }
-        let saturated = found.iter().all(|(_, saturated)| *saturated);
-        let widths = found.iter().filter(|(_, s)| *s == saturated).map(|(w, _)| *w);
-        let width = median(widths).filter(|fwhm_px| *fwhm_px <= WIDER * tried_px);
-        Ok(width.map(|fwhm_px| Self { width: Width { fwhm_px, saturated }, frames: found.len() }))
+        let saturated = found.iter().all(|(_, _, saturated)| *saturated);
+        let of_it = found.iter().filter(|(_, _, s)| *s == saturated);
+        let of_files: Vec<(PathBuf, f64)> =
+            of_it.map(|(path, w, _)| ((*path).clone(), *w)).collect();
+        let width = median(of_files.iter().map(|(_, fwhm_px)| *fwhm_px));
+        let width = width.filter(|fwhm_px| *fwhm_px <= WIDER * tried_px);
+        let of =
+            |fwhm_px| Self { width: Width { fwhm_px, saturated, of_files }, frames: found.len() };
+        Ok(width.map(of))
     }
 }
 

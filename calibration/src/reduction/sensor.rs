@@ -336,7 +336,7 @@ impl<'a> Sensor<'a> {
         }
         let mean = MasterFrame::mean(&bias).within(|| "the bias frames".into())?;
         self.keep_master(MasterKind::Bias, &bias, &mean, None);
-        Ok(Some(mean))
+        Ok(Some(MasterFrame::quiet(&bias).within(|| "the bias frames".into())?))
     }
 
     /// Mask, dark and flat for frames that were taken like this one.
@@ -365,10 +365,12 @@ impl<'a> Sensor<'a> {
             let bad = BadPixels::from_darks(&darks, BAD_SIGMAS);
             let bad = bad.within(|| "the dark frames".into())?;
             check_mask(&bad, || format!("{} dark frames", darks.len()), OTHER_DARKS)?;
-            let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
             if self.given.darks.is_empty() {
-                self.keep_master(MasterKind::Dark, &darks, &dark, Some(&bad));
+                // The library has the plain mean, which those of other nights can be held against.
+                let mean = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
+                self.keep_master(MasterKind::Dark, &darks, &mean, Some(&bad));
             }
+            let dark = MasterFrame::quiet(&darks).within(|| "the dark frames".into())?;
             (calibration.bad, calibration.dark) = (Some(bad), Some(dark));
         }
         let Some(dark) = calibration.dark.clone() else { return Ok(calibration) };

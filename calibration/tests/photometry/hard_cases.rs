@@ -182,7 +182,7 @@ proptest! {
         options.annulus_px = [radius + 1.0, radius + 4.0].into();
         options.detection.threshold_sigma = threshold;
         let mut reducer = FrameReducer::new(options, FrameCalibration::default()).unwrap();
-        let expected = Expected { place_px: Some([x, y].into()), trail_px: trail, airmass: None };
+        let expected = Expected { place_px: Some([x, y].into()), trail_px: trail, ..Expected::default() };
         for measured in [reducer.measure(&frame, &expected), reducer.measure_at(&frame, [x, y], &expected)] {
             for plane in measured.unwrap().planes {
                 prop_assert_eq!(plane.rate_adu_per_s.is_nan(), plane.sigma.total().is_nan());

@@ -262,10 +262,19 @@ fn camera_text(camera: &CameraNight) -> String {
     ];
     let rules: Vec<String> = rules.iter().map(|(rule, count)| format!("{rule} {count}")).collect();
     let [low, high] = fwhm_range(camera);
-    let widths = format!(
-        "points of {low:.1} to {high:.1} px at half their maximum, aperture {:.1} px, annulus {:.1} to {:.1} px\n  ",
-        camera.aperture_px[0], camera.aperture_px[1], camera.aperture_px[2]
-    );
+    let [largest, inner, outer] = camera.aperture_px;
+    let smallest = camera.smallest_aperture_px;
+    let apertures = if largest - smallest < 0.05 {
+        format!("aperture {largest:.1} px, annulus {inner:.1} to {outer:.1} px")
+    } else {
+        format!(
+            "apertures of {smallest:.1} to {largest:.1} px that follow them, annulus {:.1} to {:.1} times as large",
+            inner / largest,
+            outer / largest
+        )
+    };
+    let widths =
+        format!("points of {low:.1} to {high:.1} px at half their maximum, {apertures}\n  ");
     format!(
         "camera {}: {} frames on targets, {} of no target, {} beyond their visit; {sensor}\n  {widths}{} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
         camera.camera,
@@ -354,6 +363,7 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "partly": camera.partly,
             "fwhm_px": fwhm_range(camera).map(rounded),
             "aperture_px": camera.aperture_px.map(rounded),
+            "smallest_aperture_px": rounded(camera.smallest_aperture_px),
             "undetected": tally.undetected,
             "ambiguous": tally.ambiguous,
             "crowded": tally.crowded,
