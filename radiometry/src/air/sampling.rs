@@ -4,6 +4,7 @@ use super::AirError;
 use super::spectra::{FIRST_CM1, LAST_CM1, NATIVE, STEP_CM1};
 use crate::quadrature::{Integral, Product};
 use crate::spectrum::{Spectrum, Transmission};
+use rayon::prelude::*;
 
 /// Wavelengths at which, or bins over which, transmissions are wanted.
 ///
@@ -106,17 +107,16 @@ impl Sampling {
     pub fn weighted(products: &[Product]) -> Result<(Self, Vec<Integral>), AirError> {
         let air = Spectrum::<Transmission>::constant(1.0, range_nm().0, range_nm().1)?;
         let knots: Vec<f64> = (0..NATIVE).rev().map(native_nm).collect();
-        let mut integrals = Vec::with_capacity(products.len());
-        let mut rows = Vec::with_capacity(products.len());
-        for product in products {
+        let one = |product: &Product| {
             let uncovered_nm = product.clone().times(&air).integral().uncovered_nm;
             // Ascending in wavenumber, as the native points are.
             let mut moments = product.hat_moments(&knots)?;
             moments.reverse();
             let value: f64 = moments.iter().sum();
-            integrals.push(Integral { value, uncovered_nm });
-            rows.push(Ok(row_of_moments(&moments, value)));
-        }
+            Ok((Integral { value, uncovered_nm }, Ok(row_of_moments(&moments, value))))
+        };
+        let each: Result<Vec<_>, AirError> = products.par_iter().map(one).collect();
+        let (integrals, rows): (Vec<Integral>, Vec<_>) = each?.into_iter().unzip();
         Ok((Self::from_rows(rows.into_iter())?, integrals))
     }
 

@@ -2,6 +2,7 @@
 
 use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::light::{Source, Term};
+use rayon::prelude::*;
 use sunglint_radiometry::air::{AirError, AirTable, Sampling, Zenith};
 use sunglint_radiometry::constants::HC_J_NM;
 use sunglint_radiometry::passband::{Passband, Weighting};
@@ -107,7 +108,7 @@ impl Set {
             };
             unknown.extend(columns.unlit().map(value));
         }
-        let above: Vec<Integral> = products.iter().map(Product::integral).collect();
+        let above: Vec<Integral> = products.par_iter().map(Product::integral).collect();
         let mut set = Self {
             k: columns.spectra.len(),
             of: columns.of.clone(),

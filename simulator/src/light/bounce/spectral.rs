@@ -7,6 +7,7 @@
 
 use super::transport::Stored;
 use super::views::End;
+use rayon::prelude::*;
 
 /// Q of each wavelength as a combination of few.
 #[derive(Debug)]
@@ -48,30 +49,24 @@ impl Spectral {
         }
         let mut mix = vec![vec![1.0]; count];
         let mut basis = vec![mean.iter().map(|m| *m as f32).collect::<Stored>()];
-        let largest = |q: &Stored| f64::from(q.iter().fold(0.0_f32, |most, x| most.max(x.abs())));
-        let mut off: Vec<f64> = left.iter().map(largest).collect();
+        let mut off: Vec<f64> = left.iter().map(|q| largest(q)).collect();
         while basis.len() < count {
             let Some(worst) = (0..count).max_by(|a, b| off[*a].total_cmp(&off[*b])) else { break };
             if off[worst] <= wanted {
                 break;
             }
             let axis = left[worst].clone();
-            let square: f64 = axis.iter().map(|x| f64::from(*x).powi(2)).sum();
+            let square = product(&axis, &axis);
             if square <= 0.0 {
                 break;
             }
-            for ((q, mix), off) in left.iter_mut().zip(&mut mix).zip(&mut off) {
-                let dot: f64 =
-                    q.iter().zip(&axis).map(|(q, a)| f64::from(*q) * f64::from(*a)).sum();
-                let factor = dot / square;
-                let mut most = 0.0_f32;
-                for (q, a) in q.iter_mut().zip(&axis) {
-                    *q -= factor as f32 * a;
-                    most = most.max(q.abs());
-                }
-                mix.push(f64::from(factor as f32));
-                *off = f64::from(most);
-            }
+            let each = left.par_iter_mut().zip(&mut mix).zip(&mut off);
+            each.for_each(|((q, mix), off)| {
+                let factor = (product(q, &axis) / square) as f32;
+                q.iter_mut().zip(&axis).for_each(|(q, a)| *q -= factor * a);
+                mix.push(f64::from(factor));
+                *off = largest(q);
+            });
             let stored = axis.iter().zip(&mean).map(|(a, m)| (f64::from(*a) * m) as f32);
             basis.push(stored.collect());
         }
@@ -136,6 +131,37 @@ impl Spectral {
         }
         (through(&all).max(0.0), self.off[node] * through(first))
     }
+}
+
+/// Numbers side by side in a sum: as many as a processor takes at once.
+const SIDE_BY_SIDE: usize = 8;
+
+/// Σ a b of stored numbers, in double precision.
+fn product(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0; SIDE_BY_SIDE];
+    let (wide_a, wide_b) = (a.chunks_exact(SIDE_BY_SIDE), b.chunks_exact(SIDE_BY_SIDE));
+    let rest = wide_a.remainder().iter().zip(wide_b.remainder());
+    let rest: f64 = rest.map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+    for (a, b) in wide_a.zip(wide_b) {
+        for k in 0..SIDE_BY_SIDE {
+            sums[k] += f64::from(a[k]) * f64::from(b[k]);
+        }
+    }
+    rest + sums.iter().sum::<f64>()
+}
+
+/// The largest of the numbers' sizes.
+fn largest(q: &[f32]) -> f64 {
+    let mut most = [0.0_f32; SIDE_BY_SIDE];
+    let wide = q.chunks_exact(SIDE_BY_SIDE);
+    let rest = wide.remainder().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    for q in wide {
+        for (most, x) in most.iter_mut().zip(q) {
+            let size = x.abs();
+            *most = if size > *most { size } else { *most };
+        }
+    }
+    f64::from(most.into_iter().fold(rest, f32::max))
 }
 
 /// Σ a b in four sums, side by side.
