@@ -15,6 +15,7 @@ mod compare;
 mod devices;
 mod docs;
 mod explain;
+mod faint_pass;
 mod fit;
 mod focus;
 mod foreign;

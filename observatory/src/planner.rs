@@ -681,7 +681,7 @@ impl Planner<'_> {
             })
             .collect();
         let near = judge.star(star, epoch, &exposings, &plan.counters)?;
-        Ok(near.filter(|near| near.part > MARGIN).map(|near| near.what))
+        Ok(near.into_iter().next().filter(|near| near.part > MARGIN).map(|near| near.what))
     }
 
     /// Flats while the Sun goes down, and bias frames for them.

@@ -399,13 +399,19 @@ fn check_saturation(plan: &Plan, options: &PreflightOptions, found: &mut Preflig
             }
         }
         let middle = visit.from + (to - visit.from) * 0.5;
-        let Ok(Some(near)) = judge.star(star, middle, &exposings, &plan.counters) else { continue };
+        let Ok(all) = judge.star(star, middle, &exposings, &plan.counters) else { continue };
         let about = format!("visit {} ({})", number + 1, target.name);
-        let range = format!("{:.0} % of its range", 100.0 * near.part);
-        if near.part >= 1.0 {
-            found.warning(&about, format!("it saturates {}: {range}", near.what));
-        } else if near.part > NEAR {
-            found.warning(&about, format!("it comes near the end of {}: {range}", near.what));
+        let named = |range: std::ops::Range<f64>| {
+            let within = all.iter().filter(|near| range.contains(&near.part));
+            let each = within.map(|near| format!("{}: {:.0} %", near.what, 100.0 * near.part));
+            each.collect::<Vec<String>>().join(", ")
+        };
+        let (over, close) = (named(1.0..f64::INFINITY), named(NEAR..1.0));
+        if !over.is_empty() {
+            found.warning(&about, format!("it saturates {over} of its range"));
+        }
+        if !close.is_empty() {
+            found.warning(&about, format!("it comes near the end of {close} of its range"));
         }
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct Near {
 }
 
 impl Judge<'_> {
-    /// The channel that a star brings nearest to its end; none where its light is not known, or no channel can be judged.
+    /// The channels that a star brings to a part of their range, each once, the nearest to its end first; none where its light is not known.
     ///
     /// # Errors
     /// A place or a path through the air that cannot be computed.
@@ -41,8 +41,8 @@ impl Judge<'_> {
         epoch: Epoch,
         exposings: &[Exposing],
         counters: &[CounterPlan],
-    ) -> Result<Option<Near>, StarTrackError> {
-        let Some(v_mag) = star.v_mag else { return Ok(None) };
+    ) -> Result<Vec<Near>, StarTrackError> {
+        let Some(v_mag) = star.v_mag else { return Ok(Vec::new()) };
         let colours = StarColours {
             v_mag,
             b_minus_v_mag: star.bv_mag,
@@ -53,7 +53,7 @@ impl Judge<'_> {
             Some(VEGA_HIP) => star_light::vega(colours),
             _ => star_light::of(colours),
         };
-        let Ok(light) = light else { return Ok(None) };
+        let Ok(light) = light else { return Ok(Vec::new()) };
         let view = StarView {
             star: star.clone(),
             light,
@@ -63,7 +63,7 @@ impl Judge<'_> {
             exposure_s: 1.0,
         };
         let track = StarTrack::new(view, self.orientation, vec![epoch])?;
-        let Some(sight) = track.sights.first() else { return Ok(None) };
+        let Some(sight) = track.sights.first() else { return Ok(Vec::new()) };
         let mut all = Vec::new();
         for (channel, rate) in self.station.channels.iter().zip(&sight.rates) {
             let near =
@@ -92,7 +92,14 @@ impl Judge<'_> {
                 }
             }
         }
-        Ok(all.into_iter().max_by(|a, b| a.part.total_cmp(&b.part)))
+        all.sort_by(|a, b| b.part.total_cmp(&a.part));
+        let mut once: Vec<Near> = Vec::new();
+        for near in all {
+            if once.iter().all(|known| known.what != near.what) {
+                once.push(near);
+            }
+        }
+        Ok(once)
     }
 }
 
