@@ -158,6 +158,9 @@ impl Library {
         if let Some(filter) = &taken.filter {
             header.set("FILTER", filter.as_str(), "");
         }
+        if mean.noise_adu > 0.0 {
+            header.set("NOISEADU", mean.noise_adu, "ADU, of a pixel");
+        }
         header.set("NCOMBINE", i64::try_from(frames.len()).unwrap_or(i64::MAX), "frames");
         header.set("DATE-OBS", date, "UTC, start of the first frame");
         let unwritable = |error| FileError::encode(&path, error);
@@ -225,6 +228,7 @@ impl Master {
         let fits = Fits::read(&self.path).map_err(|error| error.to_string())?;
         let wrong = |what: &str| format!("{}: expected {what}", self.path.display());
         let image = fits.image(0).map_err(|error| error.to_string())?;
+        let noise_adu = image.header.real("NOISEADU").filter(|n| n.is_finite() && *n >= 0.0);
         let Pixels::F32(pixels) = image.pixels else { return Err(wrong("32-bit floats")) };
         let pixels: Array2<f32> =
             pixels.into_dimensionality::<Ix2>().map_err(|_| wrong("an image"))?;
@@ -253,7 +257,13 @@ impl Master {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Found {
             name,
-            frame: MasterFrame { pixels, origin, binning, exposure_s, noise_adu: 0.0 },
+            frame: MasterFrame {
+                pixels,
+                origin,
+                binning,
+                exposure_s,
+                noise_adu: noise_adu.unwrap_or(0.0),
+            },
             bad,
         })
     }

@@ -334,9 +334,9 @@ impl<'a> Sensor<'a> {
             let found = self.master_for(MasterKind::Bias, |bias| bias.fits_bias(taken));
             return Ok(found.map(|found| found.frame));
         }
-        let mean = MasterFrame::mean(&bias).within(|| "the bias frames".into())?;
+        let mean = MasterFrame::quiet(&bias).within(|| "the bias frames".into())?;
         self.keep_master(MasterKind::Bias, &bias, &mean, None);
-        Ok(Some(MasterFrame::quiet(&bias).within(|| "the bias frames".into())?))
+        Ok(Some(mean))
     }
 
     /// Mask, dark and flat for frames that were taken like this one.
@@ -365,12 +365,10 @@ impl<'a> Sensor<'a> {
             let bad = BadPixels::from_darks(&darks, BAD_SIGMAS);
             let bad = bad.within(|| "the dark frames".into())?;
             check_mask(&bad, || format!("{} dark frames", darks.len()), OTHER_DARKS)?;
-            if self.given.darks.is_empty() {
-                // The library has the plain mean, which those of other nights can be held against.
-                let mean = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
-                self.keep_master(MasterKind::Dark, &darks, &mean, Some(&bad));
-            }
             let dark = MasterFrame::quiet(&darks).within(|| "the dark frames".into())?;
+            if self.given.darks.is_empty() {
+                self.keep_master(MasterKind::Dark, &darks, &dark, Some(&bad));
+            }
             (calibration.bad, calibration.dark) = (Some(bad), Some(dark));
         }
         let Some(dark) = calibration.dark.clone() else { return Ok(calibration) };
@@ -426,7 +424,7 @@ impl<'a> Sensor<'a> {
             let bad = BadPixels::from_darks(&darks, BAD_SIGMAS);
             let bad = bad.within(|| "the dark frames".into())?;
             check_mask(&bad, || format!("{} dark frames", darks.len()), OTHER_DARKS)?;
-            let mean = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
+            let mean = MasterFrame::quiet(&darks).within(|| "the dark frames".into())?;
             self.keep_master(MasterKind::Dark, &darks, &mean, Some(&bad));
         }
         for like in self.bias.settings(Taken::fits_bias) {

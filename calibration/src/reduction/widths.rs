@@ -14,6 +14,14 @@ const POWERS: Interval = Interval { low: 0.0, high: 1.0 };
 /// Radius of an aperture at most, as a part of the shorter side of a frame: its annulus, 2.5 times as large, would leave the frame.
 const OF_FRAME: f64 = 0.2;
 
+/// Full width at half maximum of a normal profile with a pixel's own variance, px: no point is seen narrower.
+const PIXEL_FWHM: f64 = 0.68;
+
+/// Width of a point of this width as pixels see it, px.
+fn seen_px(fwhm_px: f64) -> f64 {
+    fwhm_px.hypot(PIXEL_FWHM)
+}
+
 /// Width of points on a frame, where the frame has an airmass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Looked {
@@ -98,7 +106,7 @@ fn power(looked: &[Vec<Looked>]) -> f64 {
 pub(super) struct Apertures {
     /// `None` where the aperture was set by hand.
     widths: Option<Widths>,
-    /// Radius in widths of a point.
+    /// Radius in widths of a point as pixels see it.
     per_fwhm: f64,
     /// The smallest and the largest radius so far, px.
     pub used_px: Option<Interval>,
@@ -109,7 +117,7 @@ pub(super) struct Apertures {
 impl Apertures {
     /// Apertures that are of this radius for the widest points; of the same radius for all where `widths` is `None`.
     pub fn new(radius_px: f64, widths: Option<Widths>) -> Self {
-        let per_fwhm = widths.as_ref().map_or(0.0, |widths| radius_px / widths.widest_px);
+        let per_fwhm = widths.as_ref().map_or(0.0, |widths| radius_px / seen_px(widths.widest_px));
         let used_px = widths.is_none().then_some(Interval { low: radius_px, high: radius_px });
         Self { widths, per_fwhm, used_px, cramped: None }
     }
@@ -122,7 +130,7 @@ impl Apertures {
         dim: (usize, usize),
         time: Epoch,
     ) -> Option<f64> {
-        let wanted = self.per_fwhm * self.widths.as_ref()?.at(stay, airmass);
+        let wanted = self.per_fwhm * seen_px(self.widths.as_ref()?.at(stay, airmass));
         let most = OF_FRAME * dim.0.min(dim.1) as f64;
         let radius_px = wanted.min(most);
         if wanted > most && self.cramped.is_none_or(|(before, _, _)| wanted > before) {
@@ -193,11 +201,12 @@ mod tests {
         let mut radius = |stay, airmass, side| {
             apertures.radius_px(stay, Some(airmass), (side + 20, side), start)
         };
-        assert!((radius(0, 1.0, 1000).unwrap() - 10.0).abs() < 1e-9);
+        // As pixels see them: 4.06 and 9.21 px.
+        assert!((radius(0, 1.0, 1000).unwrap() - 10.116).abs() < 0.002);
         assert!((radius(1, 4.0, 1000).unwrap() - 2.5 * widest_px).abs() < 1e-9);
         assert!((radius(1, 4.0, 100).unwrap() - 20.0).abs() < 1e-9);
         let used = apertures.used_px.unwrap();
-        assert!((used.low - 10.0).abs() < 1e-9 && (used.high - 2.5 * widest_px).abs() < 1e-9);
+        assert!((used.low - 10.116).abs() < 0.002 && (used.high - 2.5 * widest_px).abs() < 1e-9);
         let warning = apertures.warning().unwrap();
         assert!(warning.contains("23.0 px") && warning.contains("20.0 px"), "{warning}");
         let mut by_hand = Apertures::new(6.0, None);
