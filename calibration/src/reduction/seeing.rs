@@ -92,8 +92,9 @@ fn adapted(
         let mut fwhm_px = first_px.clamp(width.fwhm_px / WIDEST, width.fwhm_px * WIDEST);
         for _ in 0..ROUNDS {
             reducer.set_fwhm_px(fwhm_px)?;
-            let measured = reducer.measure(frame, expected)?;
-            let Some(next) = measured.fwhm_px.filter(|px| *px > 0.0) else { break };
+            // What cannot be measured is told of later.
+            let measured = reducer.measure(frame, expected).ok();
+            let Some(next) = measured.and_then(|m| m.fwhm_px).filter(|px| *px > 0.0) else { break };
             let settled = (next / fwhm_px - 1.0).abs() < SAME;
             if !(width.fwhm_px / WIDEST..=width.fwhm_px * WIDEST).contains(&next) {
                 break;
