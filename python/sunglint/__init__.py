@@ -1571,7 +1571,7 @@ def _by_workers(client, path, folder, station, usual, parts, tell):
 
     shards, left = _core.missing_shards(path, folder, station, usual)
     if parts is None:
-        parts = max(1, min(shards, 4 * sum(client.nthreads().values())))
+        parts = max(1, min(shards, 2 * sum(client.nthreads().values())))
     idle, rounds, failed = 0, 0, None
     while left and idle < _IDLE_ROUNDS:
         before, rounds = len(left), rounds + 1
@@ -1618,7 +1618,7 @@ def study(study, output, station=None, part=None, client=None, parts=None, progr
     client : dask.distributed.Client, optional
         Its workers make the parts; they must see the same files under the same names.
     parts : int, optional
-        Parts with a client: as many as the study has shards, at most 4 a thread of the workers.
+        Parts with a client: as many as the study has shards, at most 2 a thread of the workers (each has a third of a second to begin with).
     progress : callable (stage, done, of) or tqdm bar, optional
 
     Returns
