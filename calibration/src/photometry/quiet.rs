@@ -1,6 +1,6 @@
 //! Dark frames with less of their own noise.
 //!
-//! What a mean of a few dark frames has of noise is taken off every frame alike: a target that stays on the same pixels has it in all of its samples, and no
+//! The noise of a mean of a few dark frames is taken off every frame alike: a target that stays on the same pixels has it in all of its samples, and no
 //! number of them averages it away. A sensor whose pixels hardly differ in the dark needs no mean of each of them. So each pixel's mean is drawn towards that of its colour by as much as
 //! the noise is of the scatter between pixels (James and Stein 1961; Efron and Morris 1973): the sum of the squared errors is never larger.
 
@@ -104,7 +104,7 @@ mod tests {
         sum
     }
 
-    /// The dark of pixels that differ by so much (ADU) beside 20 e of glow, and frames of it with a noise of 15 ADU.
+    /// The dark of pixels that differ by so much (ADU), and frames of it with a noise of 15 ADU.
     fn darks(differ: f64, count: usize, bayer: Option<Bayer>) -> (Array2<f64>, Vec<Frame>) {
         let mut state = 7;
         let truth = Array2::from_shape_fn((60, 80), |(row, column)| {

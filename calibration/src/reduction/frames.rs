@@ -885,7 +885,7 @@ impl<'a> Reducers<'a> {
     }
 }
 
-/// How wide points are at each stay and airmass; a stay that does not tell has the median of those that do, or what the options say.
+/// Widths of points at each stay and airmass; a stay that does not tell has the median of those that do, or what the options say.
 fn widths(
     (files, stay_of, airmasses): (&[FrameFile], &[Option<usize>], &[Option<f64>]),
     stays: &[Stay],

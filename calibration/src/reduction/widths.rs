@@ -1,4 +1,4 @@
-//! How wide points are at each frame of a night, and the apertures that follow them.
+//! Widths of points at each frame of a night, and the apertures that follow them.
 //!
 //! Seen through more air points are wider, with the airmass to the power of 0.6 (Kolmogorov's turbulence; Roddier 1981): over a pass twice and more. One aperture for all
 //! frames would leave out another part of the light of each. So the widths that some frames show are carried to all by a power of the airmass, which the night's own frames tell as
@@ -29,7 +29,7 @@ pub(super) struct Looked {
     pub airmass: f64,
 }
 
-/// How wide points are.
+/// Widths of points over a night.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Widths {
     /// The median width of points at each stay, px, and the airmass that it is of.
