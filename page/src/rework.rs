@@ -71,6 +71,7 @@ struct CurveView {
     track_px: Vec<[f64; 2]>,
     /// Radius of the aperture, inner and outer radius of the annulus, px, of the first camera.
     aperture_px: Option<[f64; 3]>,
+    smallest_aperture_px: Option<f64>,
     /// Width of a point that was expected, px.
     fwhm_px: Option<f64>,
     /// Frames that were measured, and those without a target.
@@ -363,6 +364,7 @@ impl CurveView {
             track_s,
             track_px,
             aperture_px: camera.map(|camera| camera.aperture_px),
+            smallest_aperture_px: camera.map(|camera| camera.smallest_aperture_px),
             fwhm_px: camera.and_then(|camera| camera.fwhm_px.get(number?).copied()),
             frames: [tally.frames, tally.undetected],
             removed: vec![

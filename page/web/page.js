@@ -1515,10 +1515,14 @@ function curveText() {
   const [frames, lost] = curve.frames;
   const removed = curve.removed.filter(([, n]) => n).map(([why, n]) => `${n} by ${why}`).join(", ");
   const [aperture, inner, outer] = curve.aperture_px ?? [];
+  const least = curve.smallest_aperture_px ?? aperture;
+  const apertures = aperture - least < 0.05
+    ? `aperture ${aperture?.toFixed(1)} px, annulus ${inner?.toFixed(1)} to ${outer?.toFixed(1)} px`
+    : `apertures of ${least.toFixed(1)} to ${aperture.toFixed(1)} px, annulus ${(inner / aperture).toFixed(1)} to ${(outer / aperture).toFixed(1)} times as large`;
   $("curve-text").textContent = [
     channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${mags ? `mag, ${S.about.magnitudes.said}` : channel.unit}`,
     `${frames} frames, ${lost} without a target`,
-    aperture && `aperture ${aperture.toFixed(1)} px, annulus ${inner.toFixed(1)} to ${outer.toFixed(1)} px, points ${curve.fwhm_px?.toFixed(1) ?? "–"} px wide`,
+    aperture && `${apertures}, points ${curve.fwhm_px?.toFixed(1) ?? "–"} px wide`,
     removed && `sources left out: ${removed}`,
     `${curve.took_s.toFixed(2)} s`,
   ].filter(Boolean).join(" · ");

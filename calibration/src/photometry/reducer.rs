@@ -495,14 +495,16 @@ fn without_target(frame: &Frame, scintillation: Option<f64>) -> FrameMeasurement
     }
 }
 
+const ROUNDING_PX: f64 = 1e-9;
+
 /// Whether an aperture with this radius goes beyond the frame's edge.
 fn leaves(aperture: &Aperture, radius_px: f64, size: [usize; 2]) -> bool {
     let half = aperture.half_box_px(radius_px);
     (0..2).any(|axis| {
         let (low, high) =
             (aperture.centre_px[axis] - half[axis], aperture.centre_px[axis] + half[axis]);
-        // A place that is not a number leaves every frame.
-        !(low >= -0.5 && high <= size[axis] as f64 - 0.5)
+        // A place that is not a number leaves every frame; an annulus that was made to end at the edge does not.
+        !(low >= -0.5 - ROUNDING_PX && high <= size[axis] as f64 - 0.5 + ROUNDING_PX)
     })
 }
 

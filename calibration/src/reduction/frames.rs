@@ -6,7 +6,7 @@ use super::seeing;
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of, said_kind};
 use super::sky::Body;
 use super::times::{TimeDoubt, Times, move_to_row};
-use super::widths::{Apertures, Looked, Widths};
+use super::widths::{Apertures, Looked, Told, Widths, aperture_px, binned};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
@@ -69,6 +69,8 @@ pub struct CameraNight {
     pub aperture_px: [f64; 3],
     /// Radius of the smallest aperture, px: where they are taken from the frames, they are as many widths of a point everywhere.
     pub smallest_aperture_px: f64,
+    /// Whether apertures follow the widths of points.
+    pub apertures_follow: bool,
     /// Calibration frames that were used.
     pub sensor: Used,
     /// Names of the masters that were taken from the library.
@@ -140,7 +142,8 @@ pub struct SensorFiles {
     pub flats: Vec<Frame>,
 }
 
-/// Radius of an aperture that is taken from the frames, in full widths at half maximum of a point: of a Moffat profile with β = 3 it leaves out 2 %.
+/// Radius of an aperture that is taken from the frames, in full widths at half maximum of a point as pixels see it: of a Moffat profile with β = 3 it leaves out 2 %. The same for all
+/// nights, so that a calibration stands for the same part of the light.
 pub const APERTURE_FWHM: f64 = 2.5;
 
 /// Standard deviations by which a target stands out of the background, where nothing is said.
@@ -153,8 +156,8 @@ pub struct FrameOptions {
     pub photometry: PhotometryOptions,
     /// Whether how wide points are is taken from each stay's own frames, not from the options.
     pub fwhm_from_frames: bool,
-    /// Whether apertures follow the points: [`APERTURE_FWHM`] times as wide as they are, or more where the options' aperture is more than that of the widest. As many widths of a point for
-    /// all frames, in which low targets are wider than high ones: what lies outside is then the same part of the light of all.
+    /// Whether apertures follow the points: [`APERTURE_FWHM`] times as wide as they are on each frame, where low targets are wider than high ones, so that what lies outside is the same
+    /// part of the light of all.
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
@@ -215,9 +218,13 @@ impl FrameOptions {
 
     /// Sets the aperture's radius, px, and in proportion to it the annulus for the background.
     pub fn set_aperture(&mut self, radius_px: f64) {
-        self.photometry.aperture_radius_px = radius_px;
-        self.photometry.annulus_px = ANNULUS.map(|part| part * radius_px).into();
+        set_aperture(&mut self.photometry, radius_px);
     }
+}
+
+fn set_aperture(options: &mut PhotometryOptions, radius_px: f64) {
+    options.aperture_radius_px = radius_px;
+    options.annulus_px = ANNULUS.map(|part| part * radius_px).into();
 }
 
 /// Frames per stay that are kept for figures.
@@ -260,17 +267,21 @@ pub fn camera_night(
         sensor.keep_all()?;
     }
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
-    let mut seen_widths = Widths::all(options.fwhm_px, stays.len());
     let by_hand = ByHand::of(how, camera, &files, &stay_of, stays);
+    let mut seen_widths = None;
+    let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     if how.fwhm_from_frames {
-        let airmasses: Vec<Option<f64>> = zeniths.iter().map(|z| z.and_then(airmass)).collect();
+        let airmasses: Vec<Option<f64>> = zeniths.iter().map(|z| z.map(path_length)).collect();
         let of = (&files[..], &stay_of[..], &airmasses[..]);
-        seen_widths = widths(of, stays, &options, &by_hand, &mut sensor)?;
+        let (widths, binned) = widths(of, stays, &options, &by_hand, &mut sensor)?;
+        fwhm_px = (0..stays.len()).map(|stay| widths.of_stay(stay) / binned[stay]).collect();
+        seen_widths = Some(widths);
     }
     if how.aperture_from_frames {
-        widen(&mut options, seen_widths.widest_px);
+        let radius_px = aperture_px(options.fwhm_px);
+        set_aperture(&mut options, radius_px);
     }
-    let follow = how.aperture_from_frames.then(|| seen_widths.clone());
+    let follow = seen_widths.clone().filter(|_| how.aperture_from_frames);
     let mut apertures = Apertures::new(options.aperture_radius_px, follow);
     let mut reducers = Reducers::new(options.clone(), sensor, camera, station);
     let mut night = CameraNight {
@@ -285,9 +296,10 @@ pub fn camera_night(
         partly: 0,
         without_light: 0,
         shared: 0,
-        fwhm_px: (0..stays.len()).map(|stay| seen_widths.of_stay(stay)).collect(),
+        fwhm_px,
         aperture_px: [0.0; 3],
         smallest_aperture_px: 0.0,
+        apertures_follow: apertures.follow(),
         sensor: Used::default(),
         from_library: Vec::new(),
         to_library: Vec::new(),
@@ -303,7 +315,6 @@ pub fn camera_night(
         of_stay[*stay] += 1;
     }
     let mut seen = vec![0_usize; stays.len()];
-    let most_px = follows_within(&options);
     // Where the target of the present visit was last, on the sensor, and at the first place that was pointed at.
     let mut following = Following::default();
     let on_target = |i: &usize| stay_of[*i].filter(|stay| stays[*stay].target.on);
@@ -352,16 +363,22 @@ pub fn camera_night(
                         one.refused = true;
                         night.without_light += 1;
                     }
+                    if !one.refused {
+                        let through = zeniths[i].map(path_length);
+                        one.expected.aperture_radius_px =
+                            Some(apertures.radius_px(stay, through, frame));
+                    }
                     let within_px = by_hand.first.get(&stay).map(|first| {
                         let placed = Placed { sensor_px: options.sensor_px, frame };
                         let place =
                             following.place(stay, i < *first, by_hand.places.get(&i), placed);
                         one.expected.place_px = place.map(DVec2::from);
-                        most_px
+                        follows_within(&options, one.expected.aperture_radius_px)
                     });
-                    one.expected.aperture_radius_px =
-                        apertures.radius_px(stay, airmass, frame.pixels.dim(), frame.start);
-                    let fwhm_px = night.fwhm_px[stay];
+                    let fwhm_px = match &seen_widths {
+                        Some(widths) => widths.of_stay(stay) / binned(frame.binning),
+                        None => options.fwhm_px,
+                    };
                     one.held = reducers.ready(frame, stay, fwhm_px, one.refused, within_px)?;
                 }
                 batch.push(one);
@@ -418,7 +435,11 @@ pub fn camera_night(
     })?;
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
-        night.wings[stay] = wings_of(&mut rows, &files, how, night.fwhm_px[stay], &mut reducers)?;
+        let fwhm_px = |binning: [u32; 2]| match &seen_widths {
+            Some(widths) => widths.of_stay(stay) / binned(binning),
+            None => options.fwhm_px,
+        };
+        night.wings[stay] = wings_of(&mut rows, &files, how, &fwhm_px, &mut reducers)?;
         for wings in night.wings[stay].iter().filter(|wings| wings.factors.is_empty()) {
             let Stay { target, number, .. } = &stays[stay];
             let note = wings.note();
@@ -539,9 +560,10 @@ impl ByHand {
 }
 
 /// Distance from its last place within which a target that is followed is looked for, px.
-fn follows_within(options: &PhotometryOptions) -> f64 {
+fn follows_within(options: &PhotometryOptions, aperture_px: Option<f64>) -> f64 {
     let most = options.detection.max_offset_px;
-    if most.is_finite() { most } else { FOLLOW_APERTURES * options.aperture_radius_px }
+    let aperture_px = aperture_px.unwrap_or(options.aperture_radius_px);
+    if most.is_finite() { most } else { FOLLOW_APERTURES * aperture_px }
 }
 
 /// A frame on the sensor.
@@ -634,13 +656,14 @@ fn wings_of(
     rows: &mut [Row],
     files: &[FrameFile],
     how: &FrameOptions,
-    fwhm_px: f64,
+    fwhm_px: &dyn Fn([u32; 2]) -> f64,
     reducers: &mut Reducers<'_>,
 ) -> Result<Vec<Wings>, ReduceError> {
-    let Some(wide) = wings::wide(how, fwhm_px) else { return Ok(Vec::new()) };
     let settings: BTreeSet<usize> = rows.iter().map(|row| row.setting).collect();
     let mut found = Vec::new();
     for setting in settings {
+        let Some(taken) = reducers.settings.get(setting) else { continue };
+        let Some(wide) = wings::wide(how, fwhm_px(taken.binning())) else { continue };
         let of_it = |row: &&Row| row.setting == setting && WingsBuilder::takes(&row.measured);
         let telling: Vec<&Row> = rows.iter().filter(of_it).collect();
         let calibration = reducers.calibration(setting)?;
@@ -871,9 +894,11 @@ impl<'a> Reducers<'a> {
                 gains.join(", ")
             ));
         }
-        if self.settings.iter().any(|taken| taken.binning() != self.settings[0].binning()) {
+        if !night.apertures_follow
+            && self.settings.iter().any(|taken| taken.binning() != self.settings[0].binning())
+        {
             night.warnings.push(format!(
-                "camera {camera}: frames of targets have different binnings: the aperture has as many pixels in all of them, and covers different parts of the sky"
+                "camera {camera}: frames of targets have different binnings: the aperture has as many of a frame's pixels in all of them, and covers different parts of the sky"
             ));
         }
         for (filter, frames) in self.unknown {
@@ -885,17 +910,16 @@ impl<'a> Reducers<'a> {
     }
 }
 
-/// Widths of points at each stay and airmass; a stay that does not tell has the median of those that do, or what the options say.
+/// Widths of points at each stay and airmass, and the binning of each stay; a stay that does not tell has the median of those that do, or what the options say.
 fn widths(
     (files, stay_of, airmasses): (&[FrameFile], &[Option<usize>], &[Option<f64>]),
     stays: &[Stay],
     options: &PhotometryOptions,
     by_hand: &ByHand,
     sensor: &mut Sensor<'_>,
-) -> Result<Widths, ReduceError> {
-    let mut medians: Vec<Option<f64>> = vec![None; stays.len()];
-    let mut looked: Vec<Vec<Looked>> = vec![Vec::new(); stays.len()];
-    let mut sharp: Vec<f64> = Vec::new();
+) -> Result<(Widths, Vec<f64>), ReduceError> {
+    let mut told = vec![Told::default(); stays.len()];
+    let mut of_binning = vec![1.0; stays.len()];
     let mut known = None;
     for number in (0..stays.len()).filter(|stay| stays[*stay].target.on) {
         let is_of_it = |i: &usize| stay_of[*i] == Some(number) && !by_hand.refused.contains(i);
@@ -908,6 +932,8 @@ fn widths(
         let first = of_it.iter().find_map(|i| files[*i].read().ok());
         let Some(first) = first else { continue };
         let taken = Taken::of(&first);
+        let binned = binned(first.binning);
+        of_binning[number] = binned;
         if known.as_ref().is_none_or(|(of, _): &(Taken, _)| !of.is_like(&taken)) {
             known = Some((taken.clone(), sensor.calibration(&taken)?));
         }
@@ -920,30 +946,19 @@ fn widths(
         let Some(width) = seeing::fwhm_px(&seen, options, calibration, &expected)? else {
             continue;
         };
-        medians[number] = Some(width.fwhm_px);
+        let told = &mut told[number];
+        (told.fwhm_px, told.saturated) = (Some(width.fwhm_px * binned), width.saturated);
         if width.saturated {
             continue;
         }
-        sharp.push(width.fwhm_px);
         for (path, fwhm_px) in width.of_files {
             let airmass =
                 of_it.iter().find(|i| files[**i].path == path).and_then(|i| airmasses[*i]);
-            looked[number].extend(airmass.map(|airmass| Looked { fwhm_px, airmass }));
+            let fwhm_px = fwhm_px * binned;
+            told.looked.extend(airmass.map(|airmass| Looked { fwhm_px, airmass }));
         }
     }
-    sharp.sort_by(f64::total_cmp);
-    let median = sharp.get(sharp.len() / 2).copied().unwrap_or(options.fwhm_px);
-    let widest = sharp.last().copied().unwrap_or(options.fwhm_px);
-    Ok(Widths::of(&medians, widest, median, &looked))
-}
-
-/// An aperture for points of this width, and an annulus in proportion; never smaller than they are.
-fn widen(options: &mut PhotometryOptions, fwhm_px: f64) {
-    let wider = APERTURE_FWHM * fwhm_px / options.aperture_radius_px;
-    if wider > 1.0 {
-        options.aperture_radius_px *= wider;
-        options.annulus_px = options.annulus_px.to_array().map(|radius| radius * wider).into();
-    }
+    Ok((Widths::of(&told, options.fwhm_px), of_binning))
 }
 
 /// Removes the rates of a frame whose light is not the target's alone.
@@ -953,6 +968,11 @@ fn off_target(measured: &mut FrameMeasurement) {
         plane.sigma = SigmaParts::UNKNOWN;
         plane.flags |= Flags::OFF_TARGET;
     }
+}
+
+/// Airmass for the widths of points: near the horizon it grows no more.
+fn path_length(zenith_deg: f64) -> f64 {
+    1.0 / zenith_deg.min(84.9).to_radians().cos()
 }
 
 /// Airmass of a plane-parallel air, as the law of scintillation is written for; `None` where that has no meaning.

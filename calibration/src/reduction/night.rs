@@ -2,7 +2,7 @@
 
 use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_kind, spans};
 use super::error::Within as _;
-use super::frames::{CameraNight, FrameOptions, Shown, camera_night};
+use super::frames::{APERTURE_FWHM, CameraNight, FrameOptions, Shown, camera_night};
 use super::join::join;
 use super::recipe::Recipe;
 use super::sky::Body;
@@ -350,8 +350,15 @@ impl Reduced {
             let (name, masters) = (&camera.camera, camera.from_library.join(", "));
             notes.push(format!("camera {name}: calibrated by masters of the library: {masters}"));
         }
-        let times = self.cameras.iter().filter(|camera| !camera.looks[number].is_empty());
-        notes.extend(times.filter_map(|camera| camera.times[number].note(&camera.camera)));
+        let seen = || self.cameras.iter().filter(|camera| !camera.looks[number].is_empty());
+        let follow = seen().filter(|camera| camera.apertures_follow);
+        notes.extend(follow.map(|camera| {
+            format!(
+                "camera {}: apertures are {APERTURE_FWHM} widths of a point on each frame",
+                camera.camera
+            )
+        }));
+        notes.extend(seen().filter_map(|camera| camera.times[number].note(&camera.camera)));
         let complete = |curves: &[LightCurve]| {
             let mut curve =
                 join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;
