@@ -265,7 +265,7 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     console.detail(&format!("{} objects, {} threads", tles.len(), rayon::current_num_threads()));
 
     let bar = Bar::new(console);
-    let found = find(tles, &search, &photometer, &args.filter.options(), &bar);
+    let found = find(tles, &search, &photometer, &args.filter.options(), &bar)?;
     bar.end();
     failures.extend(found.failures);
     warnings.extend(found.warnings);

@@ -382,7 +382,7 @@ fn passes(
         };
         let frames = SkyFrames::over(from, to, orientation)?;
         let photometer = Photometer::new(&station, &air, light, frames, zero, exposure_s)?;
-        let found = find(tles, &search, &photometer, &wanted.filter(), watch);
+        let found = find(tles, &search, &photometer, &wanted.filter(), watch)?;
         failures.extend(found.failures);
         warnings.extend(found.warnings);
         let report = PassesReport {

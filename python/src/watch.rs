@@ -177,6 +177,25 @@ fn tell(py: Python<'_>, watch: &Watch, callback: Option<&Py<PyAny>>) -> PyResult
     callback.call1(py, (stage, done, of)).map(drop)
 }
 
+/// A message without the folders in which the package keeps what is in memory: the names of their files say what is meant.
+fn without_folders(text: &str) -> String {
+    let own = std::env::temp_dir().join("sunglint-");
+    let own = own.to_string_lossy();
+    let mut parts = text.split(own.as_ref());
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        // Its random letters end with the folder.
+        match part
+            .split_once('/')
+            .filter(|(name, _)| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'))
+        {
+            Some((_, file)) => out += file,
+            None => out = out + &own + part,
+        }
+    }
+    out
+}
+
 /// The exception of an error, with what is known of its place.
 pub fn exception(py: Python<'_>, error: &(dyn std::error::Error + 'static)) -> PyErr {
     let mut text = error.to_string();
@@ -202,7 +221,7 @@ pub fn exception(py: Python<'_>, error: &(dyn std::error::Error + 'static)) -> P
             }
         }
     }
-    let error = Error::new_err(text);
+    let error = Error::new_err(without_folders(&text));
     let value = error.value(py);
     // Attributes of an instance of a Python class can be set.
     let _ = value.setattr("file", file);

@@ -688,7 +688,9 @@ fn reduce(
         let reduced = reduce_frames(&files, &options, watch)?;
         let name = name.unwrap_or_else(|| "frames".into());
         let product = folder::whole(&reduced, &name)?;
-        Ok(Outcome::new(product, folder::text(&reduced, &name), watch.warnings()))
+        let mut warnings = watch.warnings();
+        warnings.extend(reduced.unreadable());
+        Ok(Outcome::new(product, folder::text(&reduced, &name), warnings))
     })
 }
 

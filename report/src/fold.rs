@@ -57,6 +57,7 @@ pub fn text(found: &FoldedCurves) -> String {
     let epoch = format_utc_shortest(found.epoch);
     let mut text =
         format!("folded on {} s from {epoch}, {} phase bins\n\n", found.period_s, found.bins);
+    let unit = if found.are_rates { "Hz" } else { "  " };
     let _ = writeln!(
         text,
         "  channel          samples     turns     lowest mean    highest mean  at phase"
@@ -68,7 +69,7 @@ pub fn text(found: &FoldedCurves) -> String {
         let (Some(high), Some(low)) = (high, low) else { continue };
         let _ = writeln!(
             text,
-            "  {:<14} {:>9} {:>9.2} {:>12.5e} Hz {:>12.5e} Hz {:>9.3}",
+            "  {:<14} {:>9} {:>9.2} {:>12.5e} {unit} {:>12.5e} {unit} {:>9.3}",
             series.name,
             series.len(),
             f.turns,
@@ -76,6 +77,9 @@ pub fn text(found: &FoldedCurves) -> String {
             high.mean,
             high.phase
         );
+    }
+    if !found.are_rates {
+        text.push_str("  means are fluxes, relative to that of magnitude 0\n");
     }
     text
 }
@@ -85,12 +89,14 @@ pub fn table(found: &FoldedCurves) -> Table {
     let rows = || {
         found.channels.iter().flat_map(|c| c.folded.bins.iter().map(move |bin| (&c.series, bin)))
     };
+    let unit = found.are_rates.then_some("Hz");
+    let name = |what: &str| format!("{what}_{}", if found.are_rates { "hz" } else { "flux" });
     let columns = vec![
         Column::text("channel", rows().map(|(s, _)| s.name.clone()).collect()),
         Column::f64("phase", None, rows().map(|(_, b)| b.phase).collect()),
-        Column::f64("mean_hz", Some("Hz"), rows().map(|(_, b)| b.mean).collect()),
-        Column::f64("sigma_hz", Some("Hz"), rows().map(|(_, b)| b.sigma).collect()),
-        Column::f64("scatter_hz", Some("Hz"), rows().map(|(_, b)| b.scatter).collect()),
+        Column::f64(name("mean"), unit, rows().map(|(_, b)| b.mean).collect()),
+        Column::f64(name("sigma"), unit, rows().map(|(_, b)| b.sigma).collect()),
+        Column::f64(name("scatter"), unit, rows().map(|(_, b)| b.scatter).collect()),
         Column::i64("samples", None, rows().map(|(_, b)| b.samples as i64).collect()),
     ];
     Table { columns, ..Table::default() }

@@ -22,6 +22,7 @@ mod picture;
 mod pieces;
 mod polarisation;
 mod ranging;
+mod recoloured;
 mod shine;
 mod surface;
 mod surface_sphere;

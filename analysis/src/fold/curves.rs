@@ -108,6 +108,8 @@ pub struct FoldedCurves {
     pub removed: Vec<String>,
     /// The files.
     pub inputs: Vec<Input>,
+    /// Whether the light is counted rates, Hz; else it is published magnitudes as fluxes relative to that of magnitude 0.
+    pub are_rates: bool,
 }
 
 /// Folds all channels of some curves.
@@ -158,6 +160,7 @@ pub fn fold_curves(
         warnings,
         removed: curves.removed.clone(),
         inputs: curves.inputs.clone(),
+        are_rates: curves.has_rates(),
     })
 }
 

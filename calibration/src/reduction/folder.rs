@@ -192,6 +192,9 @@ pub struct Part {
     pub magnitude_1000km: Option<f64>,
 }
 
+/// Why a file was left out that is damaged or none of frames.
+const UNREADABLE: &str = "cannot be read";
+
 /// A reduced folder.
 #[derive(Debug, Serialize)]
 pub struct Folder {
@@ -322,7 +325,7 @@ pub fn reduce_frames(
     for (path, kind) in files.iter().map(|p| (p, None)).chain(given) {
         step(progress, 0)?;
         match read(path, kind, &options.reading) {
-            Err(error) => folder.leave(path, "cannot be read", &error.to_string()),
+            Err(error) => folder.leave(path, UNREADABLE, &error.to_string()),
             Ok(entry) => entries.push(entry),
         }
     }
@@ -360,7 +363,7 @@ pub fn reduce_frames(
         let mut frame = match ImageFrame::read_as(&header.path, &options.reading) {
             Ok(frame) => frame,
             Err(error) => {
-                folder.leave(&header.path, "cannot be read", &error.to_string());
+                folder.leave(&header.path, UNREADABLE, &error.to_string());
                 continue;
             }
         };
@@ -619,6 +622,18 @@ impl Folder {
         *self.left_out.entry(why.to_owned()).or_default() += 1;
         let detail = if detail.is_empty() { why } else { detail };
         self.left_out_files.push([path.display().to_string(), detail.to_owned()]);
+    }
+
+    /// Words for the files that cannot be read; `None` where all could be.
+    pub fn unreadable(&self) -> Option<String> {
+        let n = self.left_out.get(UNREADABLE)?;
+        let [file, why] =
+            self.left_out_files.iter().find(|[_, why]| !self.left_out.contains_key(why))?;
+        let named = if why.contains(file.as_str()) { String::new() } else { format!("{file}: ") };
+        Some(format!(
+            "{n} {} {UNREADABLE}; the first: {named}{why}",
+            if *n == 1 { "file" } else { "files" }
+        ))
     }
 
     /// Words for what was left out.

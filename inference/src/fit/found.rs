@@ -12,9 +12,8 @@ use ndarray::Array2;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
 use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
-use sunglint_simulator::light::Source;
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::pass::{Overrides, Study, Thinned};
+use sunglint_simulator::pass::{Overrides, Study, TermRates, Thinned};
 
 /// Knots of reflectance spectra: first, last, step, nm.
 const KNOTS_NM: (u32, u32, u32) = (300, 1240, 5);
@@ -29,7 +28,7 @@ const MOST_STEPS: f64 = 1e5;
 /// Rounds of fitting and computing the light between the parts at most.
 const MOST_ROUNDS: usize = 12;
 /// A round that moves no parameter by more of its standard uncertainty is the last.
-const SETTLED_SIGMAS: f64 = 0.1;
+const SETTLED_SIGMAS: f64 = 0.03;
 
 /// Bounced light of a curve that is held, on its way to the fixed point of h = G(h), G being the light computed for the fit with h held: the secant through the last
 /// two rounds (Anderson's acceleration of depth 1; Walker and Ni 2011).
@@ -70,6 +69,14 @@ impl Held {
     }
 }
 
+/// What is kept of a curve from round to round.
+struct Kept {
+    study: Study,
+    thinned: Thinned,
+    /// Light of single materials in the first round, samples × channels.
+    single: Array2<f64>,
+}
+
 /// Inputs for computing the light between the parts.
 pub(super) struct Bouncing<'a> {
     pub curves: &'a [CurveOfScene],
@@ -93,12 +100,12 @@ impl Bouncing<'_> {
         let mut fit = fit;
         let mut found: Option<Bounces> = None;
         let mut held: Vec<Held> = self.curves.iter().map(|_| Held::default()).collect();
-        let mut studies: Vec<Option<(Study, Thinned)>> = self.curves.iter().map(|_| None).collect();
+        let mut kept: Vec<Option<Kept>> = self.curves.iter().map(|_| None).collect();
         for round in 1..=MOST_ROUNDS {
             let mut share = 0.0_f64;
             for k in (0..self.curves.len()).filter(|k| self.of[*k]) {
                 progress.status(&format!("light between the parts, round {round}"));
-                let bounced = self.computed(k, model, &fit, &mut studies[k])?;
+                let bounced = self.computed(k, model, &fit, &mut kept[k])?;
                 let Some((bounced, most)) = bounced else { continue };
                 share = share.max(most);
                 model.hold(k, held[k].next(bounced))?;
@@ -120,7 +127,7 @@ impl Bouncing<'_> {
             }
         }
         if let Some(found) = &mut found {
-            found.thinned = studies.iter().flatten().map(|(_, thinned)| *thinned).collect();
+            found.thinned = kept.iter().flatten().map(|kept| kept.thinned).collect();
         }
         Ok((fit, found))
     }
@@ -132,7 +139,7 @@ impl Bouncing<'_> {
         k: usize,
         model: &StudyModel,
         fit: &Fit,
-        kept: &mut Option<(Study, Thinned)>,
+        kept: &mut Option<Kept>,
     ) -> Result<Option<(Array2<f64>, f64)>, PassFitError> {
         let (curve, parameters, channels) = (&self.curves[k], self.parameters, self.channels);
         let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
@@ -153,38 +160,39 @@ impl Bouncing<'_> {
         let curve = CurveOfScene { scene, ..curve.clone() };
         let mut pass = pass_of(&curve, &mut idle)?;
         pass.effects.inter_reflection = Switch::Auto;
-        // Where light is looked at is found once: from round to round little changes.
-        if let Some((bouncing, _)) = kept {
-            bouncing.set_attitude(pass.attitude)?;
-            bouncing.set_target(pass.target)?;
-        } else {
-            let mut bouncing = Study::new(pass)?;
-            let thinned = bouncing.thin(THINNED * bouncing.pass().tolerance)?;
-            *kept = Some((bouncing, thinned));
-        }
-        let Some((bouncing, _)) = kept else { return Ok(None) };
-        let rates = bouncing.term_rates()?;
         let station = &study.pass().station;
         let places: Vec<Option<usize>> = channels.iter().map(|c| place(station, c)).collect();
-        let (mut held, mut most) = (Array2::<f64>::zeros((n, channels.len())), 0.0_f64);
-        for i in 0..n {
-            for (c, own) in places.iter().enumerate() {
-                let row = match (magnitudes, own) {
+        let summed = |rates: &TermRates, several: bool| {
+            let mut sums = Array2::<f64>::zeros((n, channels.len()));
+            for ((i, c), sum) in sums.indexed_iter_mut() {
+                let row = match (magnitudes, places[c]) {
                     (true, _) => rates.fluxes.slice(ndarray::s![i, V, ..]),
-                    (false, Some(own)) => rates.rates_hz.slice(ndarray::s![i, *own, ..]),
+                    (false, Some(own)) => rates.rates_hz.slice(ndarray::s![i, own, ..]),
                     (false, None) => continue,
                 };
-                // Light of no one material has been on several: the Sun's and the Earth's.
-                let bounced = rates.terms.iter().zip(row);
-                let bounced =
-                    bounced.filter(|(t, _)| t.source == Source::Bounce || t.material.is_none());
-                held[[i, c]] = bounced.map(|(_, v)| v).sum();
-                let all: f64 = row.iter().sum();
-                if all > 0.0 {
-                    most = most.max((held[[i, c]] / all).abs());
-                }
+                let of_it = rates.terms.iter().zip(row);
+                *sum = of_it.filter(|(t, _)| t.is_of_several() == several).map(|(_, v)| v).sum();
             }
-        }
+            sums
+        };
+        // Where light is looked at, and how, is found once: from round to round little changes.
+        let rates = match kept {
+            Some(kept) => {
+                kept.study.set_attitude(pass.attitude)?;
+                kept.study.bounced_of(pass.target)?
+            }
+            None => {
+                let mut study = Study::new(pass)?;
+                let thinned = study.thin(THINNED * study.pass().tolerance)?;
+                let rates = study.term_rates()?;
+                *kept = Some(Kept { study, thinned, single: summed(&rates, false) });
+                rates
+            }
+        };
+        let Some(Kept { single, .. }) = kept else { return Ok(None) };
+        let mut held = summed(&rates, true);
+        let most = held.iter().zip(single.iter()).filter(|(held, single)| *held + *single > 0.0);
+        let most = most.fold(0.0_f64, |most, (held, single)| most.max(held / (held + single)));
         // Below the horizon nothing is compared.
         held.mapv_inplace(|v: f64| if v.is_finite() { v } else { 0.0 });
         Ok(Some((held, most)))

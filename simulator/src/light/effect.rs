@@ -77,6 +77,13 @@ pub struct Term {
     pub spectrum: Spectrum<Factor>,
 }
 
+impl Term {
+    /// Whether the light has been on several materials, the Sun's or the Earth's: it belongs to no single one.
+    pub fn is_of_several(&self) -> bool {
+        self.source == Source::Bounce || self.material.is_none()
+    }
+}
+
 /// A part of the engine, ready for one scene: made once, it adds light for each epoch. One for each thread.
 pub trait Effect: Send {
     /// Adds its weights W_k \[m² sr⁻¹\] and their errors (absolute, same unit, never negative) to two rows of as many numbers as it has terms.

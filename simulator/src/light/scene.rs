@@ -331,6 +331,13 @@ impl Scene {
         Evaluator::new(self)
     }
 
+    /// The same body in other reflectances; `None` where the materials differ in more than these.
+    pub(crate) fn recoloured(&self, materials: &[Material]) -> Option<Self> {
+        let same = self.materials.len() == materials.len()
+            && self.materials.iter().zip(materials).all(|(a, b)| a.has_weights_of(b));
+        same.then(|| Self { materials: materials.to_vec(), ..self.clone() })
+    }
+
     /// The materials, in the target's order.
     pub fn materials(&self) -> &[Material] {
         &self.materials

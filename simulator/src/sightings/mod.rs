@@ -19,7 +19,7 @@ use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::Search;
 use sunglint_formats::FileError;
-use sunglint_numerics::progress::Progress;
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_radiometry::air::AirError;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::PhotometryError;
@@ -164,22 +164,28 @@ pub struct Sightings {
 }
 
 /// Finds the visible passes of some elements, the objects side by side on the threads; the result does not depend on how many these are.
+///
+/// # Errors
+/// A stop.
 pub fn find(
     tles: Vec<Tle>,
     search: &Search,
     photometer: &Photometer<'_>,
     filter: &SightingFilter,
     progress: &dyn Progress,
-) -> Sightings {
+) -> Result<Sightings, Cancelled> {
     progress.begin("objects", Some(tles.len() as u64));
     let followed: Vec<Followed> = tles
         .into_par_iter()
         .map(|tle| {
+            if progress.is_cancelled() {
+                return Err(Cancelled);
+            }
             let followed = Followed::new(tle, search, photometer);
             progress.advance(1);
-            followed
+            Ok(followed)
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     let mut found = Sightings::default();
     let counts = &mut found.counts;
     counts.objects = followed.len();
@@ -208,7 +214,7 @@ pub fn find(
     found.passes.sort_by(|a, b| {
         a.start.geometry.epoch.cmp(&b.start.geometry.epoch).then(a.norad_id.cmp(&b.norad_id))
     });
-    found
+    Ok(found)
 }
 
 /// One object after the search.

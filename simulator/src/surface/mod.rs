@@ -71,6 +71,9 @@ pub struct Material {
     stated: Option<scatter::Stated>,
 }
 
+/// Directions to either side in which two materials are compared.
+const PROBES: u32 = 8;
+
 /// A wavelength below all others, nm: a spectrum of nothing else covers nothing.
 const UNCOVERED_NM: f64 = 1e-3;
 
@@ -314,6 +317,27 @@ impl Material {
     /// The spectra ρ_k: as many as there are weights.
     pub fn spectra(&self) -> &[Spectrum<Reflectance>] {
         &self.spectra
+    }
+
+    /// Whether it differs from another of its name at most in its spectra: the weights before these are the same to the last bit, in some pairs of directions.
+    pub(crate) fn has_weights_of(&self, other: &Self) -> bool {
+        let count = self.spectra.len();
+        if self.name != other.name || count != other.spectra.len() {
+            return false;
+        }
+        let direction = |k: u32, turn: f64| {
+            let z = (f64::from(k) + 0.5) / f64::from(PROBES);
+            let (sin, cos) = (turn * f64::from(k)).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            DVec3::new(across * cos, across * sin, z)
+        };
+        (0..PROBES * PROBES).all(|k| {
+            let (i, o) = (direction(k / PROBES, 2.4), direction(k % PROBES, -2.4));
+            let mut both = [vec![0.0; count], vec![0.0; count]];
+            self.add_weights(i, o, 1.0, &mut both[0]);
+            other.add_weights(i, o, 1.0, &mut both[1]);
+            both[0] == both[1]
+        })
     }
 
     /// Adds `scale` times the weights w_k \[sr⁻¹\] for light from `i` to `o` to `sum` (one per spectrum). Unit vectors in the surface's

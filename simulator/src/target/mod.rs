@@ -68,7 +68,7 @@ impl Target {
 }
 
 /// One part of a target.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Name of the part, unique in the target.
     pub name: String,
@@ -100,7 +100,7 @@ impl Part {
 }
 
 /// A shape.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// Triangles: flat, or bent by their normals.
     Mesh(Mesh),

@@ -81,16 +81,27 @@ impl<'a> Draft<'a> {
         (node, nodes): (usize, usize),
         clear: Arc<Clear>,
     ) -> Self {
-        let mut of_surface = vec![0..0; surfaces.list.len()];
-        let mut first = 0;
-        for list in patches.of_surfaces() {
-            of_surface[list[0].surface] = first..first + list.len();
-            first += list.len();
-        }
-        let exchange = Exchange::new(&patches, nodes, node);
         let surfaces = surfaces.clone();
         let (areas, chords) = Default::default();
         let patched = Patched { surfaces, patches, areas, chords, clear };
+        Self::of(scene, patched, caster, optics, (node, nodes))
+    }
+
+    /// With patches, and directions of rough surfaces, that are there.
+    pub fn of(
+        scene: &'a Scene,
+        patched: Patched,
+        caster: &'a Caster,
+        optics: &'a Optics,
+        (node, nodes): (usize, usize),
+    ) -> Self {
+        let mut of_surface = vec![0..0; patched.surfaces.list.len()];
+        let mut first = 0;
+        for list in patched.patches.of_surfaces() {
+            of_surface[list[0].surface] = first..first + list.len();
+            first += list.len();
+        }
+        let exchange = Exchange::new(&patched.patches, nodes, node);
         Self { scene, caster, optics, patched, exchange, of_surface, node }
     }
 

@@ -133,6 +133,15 @@ pub(in crate::light) struct Prepared {
 }
 
 impl Prepared {
+    /// For the same body in other reflectances, with the same terms; `None` where light is never lost.
+    pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
+        let way = match &self.way {
+            Way::Still(still) => Way::Still(Arc::new(still.recoloured(scene)?)),
+            other => other.clone(),
+        };
+        Some(Self { way, ..*self })
+    }
+
     /// Room to evaluate in, of the scene that it was prepared for.
     pub fn light<'a>(&self, scene: &'a Scene) -> BounceLight<'a> {
         let way = match &self.way {

@@ -77,6 +77,9 @@ pub struct Still {
     patched: Patched,
     orders: Orders,
     rays: u32,
+    seed: u32,
+    /// The node of the trials.
+    node: usize,
     claim: Claim,
     /// The paths of what is left, where there is anything.
     rest: Option<Arc<Plan>>,
@@ -180,8 +183,33 @@ impl Still {
             let beyond = (as_good < 1.0 && effort.clear > 0).then(|| Arc::new(all));
             let (patched, orders) = draft.finish(nodes)?;
             let nodes = nodes.clone();
-            return Some(Self { nodes, patched, orders, rays, claim, rest, beyond, as_good });
+            return Some(Self {
+                nodes,
+                patched,
+                orders,
+                rays,
+                seed,
+                node,
+                claim,
+                rest,
+                beyond,
+                as_good,
+            });
         }
+    }
+
+    /// The same patches, rays and wavelengths for the same body in other reflectances. What was found on trial is taken to hold for these. `None` where light is never lost.
+    pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
+        let optics = Optics::new(scene.materials(), &self.nodes.nm);
+        let patched = self.patched.clone();
+        let caster = Caster::new(&self.patched.surfaces.list, scene.touching_m);
+        let nodes = (self.node, self.nodes.nm.len());
+        let mut draft = Draft::of(scene, patched, &caster, &optics, nodes);
+        draft.shoot(self.rays, self.patched.chords.each, self.seed);
+        let (patched, orders) = draft.finish(&self.nodes)?;
+        let (nodes, rest, beyond) = (self.nodes.clone(), self.rest.clone(), self.beyond.clone());
+        let Self { rays, seed, node, claim, as_good, .. } = *self;
+        Some(Self { nodes, patched, orders, rays, seed, node, claim, rest, beyond, as_good })
     }
 
     /// In words.

@@ -100,6 +100,19 @@ impl Part for Bounces {
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
         Box::new(self.prepared.light(self.own.as_ref().unwrap_or(scene)))
     }
+
+    fn is_between_surfaces(&self) -> bool {
+        true
+    }
+
+    fn recoloured(&self, scene: &Scene) -> Option<Box<dyn Part>> {
+        let own = match &self.own {
+            Some(own) => Some(own.recoloured(scene.materials())?),
+            None => None,
+        };
+        let prepared = self.prepared.recoloured(own.as_ref().unwrap_or(scene))?;
+        Some(Box::new(Self { prepared, own }))
+    }
 }
 
 /// All bounces, left out.

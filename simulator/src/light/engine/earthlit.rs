@@ -83,6 +83,19 @@ impl Part for Bounced {
         let scene = self.own.as_ref().unwrap_or(scene);
         Box::new(EarthlitLight::new(scene, self.plan.clone()))
     }
+
+    fn is_between_surfaces(&self) -> bool {
+        true
+    }
+
+    fn recoloured(&self, scene: &Scene) -> Option<Box<dyn Part>> {
+        let own = match &self.own {
+            Some(own) => Some(own.recoloured(scene.materials())?),
+            None => None,
+        };
+        let plan = Arc::new(self.plan.recoloured(own.as_ref().unwrap_or(scene))?);
+        Some(Box::new(Self { plan, own }))
+    }
 }
 
 /// The same, left out.

@@ -34,6 +34,7 @@ use super::{
     DirectionError, EarthAlbedo, Effect, Lighting, Need, Scene, SceneError, SceneOptions, Source,
     SunOptions, Term, View,
 };
+use crate::surface::Material;
 use crate::target::Target;
 use body::Body;
 use std::cell::OnceCell;
@@ -79,6 +80,16 @@ pub trait Part: Send + Sync + std::fmt::Debug {
 
     /// Creates a worker that adds the light, with room to work in: one for each thread.
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a>;
+
+    /// Whether its light went between surfaces.
+    fn is_between_surfaces(&self) -> bool {
+        false
+    }
+
+    /// Such light for the same body in other reflectances; `None` where it has to be prepared anew.
+    fn recoloured(&self, _scene: &Scene) -> Option<Box<dyn Part>> {
+        None
+    }
 }
 
 /// Bound on the light that an effect could have added at an epoch, had it not been left out.
@@ -185,6 +196,32 @@ impl Engine {
         let glint_rad = glint_rad(&scene, &body, course);
         let collimated = needs.iter().any(|n| n.effect == disc::EFFECT && !n.is_modelled());
         Ok(Self {
+            scene,
+            body,
+            terms,
+            lit,
+            needs,
+            parts,
+            doubts,
+            near,
+            albedo,
+            glint_rad,
+            collimated,
+        })
+    }
+
+    /// The light that went between surfaces, of the same body in other reflectances, in the same terms: what does not depend on reflectances is kept. All other light is left
+    /// out. `None` of materials that differ in more.
+    pub(crate) fn bounced_of(&self, materials: &[Material]) -> Option<Self> {
+        let scene = self.scene.recoloured(materials)?;
+        let between = self.parts.iter().filter(|(_, part)| part.is_between_surfaces());
+        let parts = between.map(|(range, part)| Some((range.clone(), part.recoloured(&scene)?)));
+        let parts = parts.collect::<Option<Vec<_>>>()?;
+        let body = Body::new(&scene).ok()?;
+        let (terms, needs) = (self.terms.clone(), self.needs.clone());
+        let Self { lit, near, albedo, glint_rad, collimated, .. } = *self;
+        let doubts = Vec::new();
+        Some(Self {
             scene,
             body,
             terms,

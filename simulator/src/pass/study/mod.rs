@@ -14,7 +14,7 @@ use crate::attitude::Attitude;
 use crate::light::engine::{Aspects, Switch};
 use crate::light::{Course, Engine, Term};
 use crate::target::Target;
-use ndarray::Array3;
+use ndarray::{Array3, s};
 use rayon::prelude::*;
 use sunglint_radiometry::air::Zenith;
 
@@ -39,6 +39,8 @@ pub struct Study {
     transmissions: Vec<Option<Vec<f64>>>,
     /// Where direct light is computed, and where all other; everywhere where `None`.
     nodes: [Option<thin::Nodes>; 2],
+    /// The light between surfaces of the body that [`Study::bounced_of`] was last asked for.
+    recoloured: Option<Engine>,
 }
 
 /// The light of each term in each channel and band: what rates are sums of.
@@ -80,6 +82,7 @@ impl Study {
             functionals,
             transmissions: Vec::new(),
             nodes: [None, None],
+            recoloured: None,
         };
         study.look_through_air()?;
         Ok(study)
@@ -115,11 +118,41 @@ impl Study {
         }
     }
 
+    /// The rates of light that went between surfaces, of the same body in other reflectances: of the terms of no single material; those of all others are 0. What does not depend on
+    /// reflectances is kept from body to body, also how fine patches have to be and what was claimed of their error: near the body that the study was made of the light is right within its
+    /// tolerance, and a study that is made anew of the last body says how far. Another body is put in place as by [`Study::set_target`].
+    ///
+    /// # Errors
+    /// The errors of [`Study::set_target`] and [`Study::term_rates`].
+    pub fn bounced_of(&mut self, target: Target) -> Result<TermRates, PassError> {
+        let like = self.recoloured.take();
+        let own = &self.pass.target;
+        let same = own.parts == target.parts && own.hinges == target.hinges;
+        let engine =
+            same.then(|| like.as_ref().unwrap_or(&self.engine).bounced_of(&target.materials));
+        let Some(engine) = engine.flatten() else {
+            self.set_target(target)?;
+            let mut rates = self.term_rates()?;
+            for (k, _) in rates.terms.iter().enumerate().filter(|(_, t)| !t.is_of_several()) {
+                rates.rates_hz.slice_mut(s![.., .., k]).fill(0.0);
+                rates.fluxes.slice_mut(s![.., .., k]).fill(0.0);
+            }
+            return Ok(rates);
+        };
+        let lit = engine.lit_terms();
+        let weights = self.indirect_by(&engine)?;
+        let rows = weights.par_iter().enumerate().map(|(i, own)| self.row(i, &own[..lit]));
+        let rates = self.gathered(&self.exposures.means(rows.collect()));
+        self.recoloured = Some(engine);
+        Ok(rates)
+    }
+
     /// Puts another body in place. Integrals over wavelength are taken anew only where reflectances differ.
     ///
     /// # Errors
     /// [`PassError::Target`], and as [`Pass::simulate`] for its spectra; the study then keeps its former body.
     pub fn set_target(&mut self, target: Target) -> Result<(), PassError> {
+        self.recoloured = None;
         let former = std::mem::replace(&mut self.pass.target, target);
         let mut replace = || -> Result<(), PassError> {
             let course = self.course.get_or_insert_with(|| course(&self.pass, &self.places));

@@ -5,7 +5,7 @@
 
 use super::{PassError, Study, first_error};
 use crate::light::engine::Worker;
-use crate::light::{DirectionError, Source};
+use crate::light::{DirectionError, Engine, Source};
 use crate::pass::{BANDS, Place};
 use rayon::prelude::*;
 use sunglint_formats::time::{format_utc_shortest, tai_nanoseconds};
@@ -284,16 +284,39 @@ impl Study {
         epochs: &[usize],
         wanted: &(dyn Fn(Source) -> bool + Sync),
     ) -> Result<Vec<Row>, PassError> {
+        self.rows_by(&self.engine, epochs, wanted)
+    }
+
+    /// The same by an engine of the same terms.
+    fn rows_by(
+        &self,
+        engine: &Engine,
+        epochs: &[usize],
+        wanted: &(dyn Fn(Source) -> bool + Sync),
+    ) -> Result<Vec<Row>, PassError> {
         let rows = epochs.par_iter().map_init(
-            || self.engine.worker(),
+            || engine.worker(),
             |worker, i| {
-                let room = vec![0.0; self.engine.terms().len()];
+                let room = vec![0.0; engine.terms().len()];
                 let (mut weights, mut errors) = (room.clone(), room);
                 weigh(worker, &self.places[*i], wanted, &mut weights, &mut errors)?;
                 Ok((weights, errors))
             },
         );
         first_error(rows.collect())
+    }
+
+    /// The weights of light that came by another way than straight from the Sun, by an engine of the same terms, at all epochs.
+    pub(super) fn indirect_by(&self, engine: &Engine) -> Result<Vec<Vec<f64>>, PassError> {
+        let n = self.places.len();
+        let Some(nodes) = &self.nodes[1] else {
+            let rows = self.rows_by(engine, &(0..n).collect::<Vec<_>>(), &indirect)?;
+            return Ok(rows.into_iter().map(|(weights, _)| weights).collect());
+        };
+        let found = self.rows_by(engine, &nodes.epochs().collect::<Vec<_>>(), &indirect)?;
+        let mut rows = vec![vec![0.0; engine.terms().len()]; n];
+        rows.iter_mut().enumerate().for_each(|(i, row)| nodes.add(i, &found, row));
+        Ok(rows)
     }
 
     /// The weights of all light at all epochs, one row an epoch.
