@@ -4,7 +4,8 @@ use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, archive, bench, brdf, calibrate, compare, demo, detect, devices,
     efficiency, elements, explain, fit, focus, goto, import, interrupt, light, observe, page,
-    passes, picture, reduce, session, simulate, solve, star, study, tables, timing, track,
+    passes, picture, pointing, reduce, session, simulate, solve, star, study, tables, timing,
+    track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -96,6 +97,8 @@ pub enum Command {
     Observe(Box<observe::ObserveArgs>),
     /// The telescope at a star or a place, corrected by where its frames look
     Goto(Box<goto::GotoArgs>),
+    /// How a mount shows directions: a model of its pointing, from frames all over the sky
+    Pointing(Box<pointing::PointingArgs>),
     /// A mount follows a satellite: from elements to a telescope that tracks, kept off the Sun; or a rehearsal with a virtual one
     Track(Box<track::TrackArgs>),
     /// The telescope's focus: the best position of a focuser by the stars' half-flux radius, and its drift with temperature
@@ -191,6 +194,7 @@ impl Command {
             Command::Fit(args) => Some(&args.out),
             Command::Analyse(command) => Some(command.output()),
             Command::Goto(args) => Some(&args.out),
+            Command::Pointing(args) => Some(&args.out),
             Command::Track(args) => Some(&args.out),
             Command::Focus(command) => Some(command.output()),
             Command::Demo(_)
@@ -212,6 +216,7 @@ impl Command {
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
             Command::Goto(args) => goto::run(args, console),
+            Command::Pointing(args) => pointing::run(args, console),
             Command::Track(args) => track::run(args, console),
             Command::Focus(command) => focus::run(command, console, seed),
             Command::MountWatchdog(args) => track::watchdog(args),

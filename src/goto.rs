@@ -18,8 +18,8 @@ use sunglint_drivers::device::{Camera, Mount, MountMotion, MountSite};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
-    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Looks, SunCone, TargetPath,
-    TrackError, direction,
+    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Looks, PointingModel, SunCone,
+    TargetPath, TrackError, direction,
 };
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
@@ -29,7 +29,7 @@ use sunglint_report::track::step_text;
 /// Time between two signs of life to the watchdog.
 const BEAT: Duration = Duration::from_millis(100);
 /// Longest exposure, s.
-const LONGEST_S: f64 = 120.0;
+pub(crate) const LONGEST_S: f64 = 120.0;
 
 /// Arguments of `sunglint goto`.
 #[derive(Debug, Args)]
@@ -67,6 +67,9 @@ pub struct GotoArgs {
     /// Tell the mount where it is in the end
     #[arg(long, requires = "solve")]
     pub sync: bool,
+    /// How the mount shows directions: a file of `sunglint pointing`
+    #[arg(long, value_name = "FILE")]
+    pub pointing: Option<PathBuf>,
     /// End once it is there, and leave the mount as it is. Nothing then keeps a mount that follows the stars off the Sun
     #[arg(long)]
     pub leave: bool,
@@ -111,6 +114,26 @@ impl GotoArgs {
         Ok(())
     }
 
+    fn reach(&self) -> Reach<'_> {
+        Reach {
+            mount: &self.mount,
+            known: &self.known,
+            min_elevation: self.min_elevation,
+            sun_limit: self.sun_limit,
+            no_refraction: self.no_refraction,
+            trust_clock: self.trust_clock,
+            set_site: self.set_site,
+        }
+    }
+
+    fn eye(&self) -> EyeOptions<'_> {
+        EyeOptions {
+            exposure_s: self.exposure_s,
+            width_deg: self.width_deg,
+            catalogue: self.catalogue.as_deref(),
+        }
+    }
+
     fn target(&self) -> anyhow::Result<(GotoTarget, String)> {
         if let Some([ra_deg, dec_deg]) = self.radec.as_deref() {
             let (ra_deg, dec_deg) = (*ra_deg, *dec_deg);
@@ -136,6 +159,63 @@ impl GotoArgs {
     }
 }
 
+/// What has to be known before a mount is moved.
+pub(crate) struct Reach<'a> {
+    pub mount: &'a str,
+    pub known: &'a track::KnownArgs,
+    pub min_elevation: f64,
+    pub sun_limit: f64,
+    pub no_refraction: bool,
+    pub trust_clock: bool,
+    pub set_site: bool,
+}
+
+/// A mount that may be moved, with what watches over it.
+pub(crate) struct Ready {
+    pub mount: Box<dyn Mount>,
+    pub guard: Guard,
+    pub cancel: Cancel,
+    pub dog: Process,
+    pub options: GotoOptions,
+}
+
+impl Reach<'_> {
+    /// Checks what is known of the mount, the site and the clock; starts the watchdog and listens for Ctrl-C.
+    pub fn open(&self, station: &Station, console: Console) -> anyhow::Result<Ready> {
+        let mut mount = track::open(self.mount)?;
+        mount.know(&self.known.known()?);
+        let cone = SunCone::default().with_limit_deg(self.sun_limit);
+        let guard = Guard::of(&station.site, mount.abilities(), cone)
+            .with_horizon(station.horizon.clone(), self.min_elevation);
+        let soon = || Deadline::within(Duration::from_secs(5));
+        if self.set_site {
+            let place = station.site.geodetic();
+            let site = MountSite {
+                latitude_deg: place.latitude_deg,
+                longitude_deg: place.longitude_deg,
+                height_m: place.height_m,
+            };
+            mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
+        }
+        if let Some(doubt) = guard.doubt(mount.as_mut(), &soon())? {
+            return Err(doubt.into());
+        }
+        if !self.trust_clock {
+            let state = clock::measured();
+            Certainty { synchronised: state.synchronised, error_s: state.error_s }.check()?;
+        }
+        let cancel = Cancel::new();
+        let token = cancel.clone();
+        listen(Hangup::Ends, move || token.cancel())?;
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let dog = Process::start(&program, self.mount)?;
+        let mut options = GotoOptions::default();
+        options.refraction = track::refracts(self.no_refraction, mount.as_ref(), console);
+        options.track.german = !self.known.fork;
+        Ok(Ready { mount, guard, cancel, dog, options })
+    }
+}
+
 /// Goes there.
 ///
 /// # Errors
@@ -144,71 +224,28 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     args.check()?;
     let station = args.station.get()?;
     let (target, name) = args.target()?;
+    let model = args.pointing.as_deref().map(PointingModel::read).transpose()?;
     let mut eye = match &args.camera {
-        Some(address) => Some(Eye::open(address, args, &station)?),
+        Some(address) => Some(Eye::open(address, &args.eye(), &station)?),
         None => None,
     };
-    let mut mount = track::open(&args.mount)?;
-    mount.know(&args.known.known()?);
-    let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::of(&station.site, mount.abilities(), cone)
-        .with_horizon(station.horizon.clone(), args.min_elevation);
-    let soon = || Deadline::within(Duration::from_secs(5));
-    if args.set_site {
-        let place = station.site.geodetic();
-        let site = MountSite {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            height_m: place.height_m,
-        };
-        mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
-    }
-    if let Some(doubt) = guard.doubt(mount.as_mut(), &soon())? {
-        return Err(doubt.into());
-    }
-    if !args.trust_clock {
-        let state = clock::measured();
-        Certainty { synchronised: state.synchronised, error_s: state.error_s }.check()?;
-    }
-    let cancel = Cancel::new();
-    let token = cancel.clone();
-    listen(Hangup::Ends, move || token.cancel())?;
-    let program = std::env::current_exe().context("cannot find this program")?;
-    let mut dog = Process::start(&program, &args.mount)?;
-    let mut options = GotoOptions::default();
+    let Ready { mut mount, guard, cancel, mut dog, mut options } =
+        args.reach().open(&station, console)?;
     options.tolerance_arcsec = args.within;
     options.sync = args.sync;
-    options.refraction = track::refracts(args.no_refraction, mount.as_ref(), console);
-    options.track.german = !args.known.fork;
     let clock = DeviceClock::live();
     let pulse = dog.pulse();
     let beat = || pulse.tick();
     let mut going = Goto {
         site: &station.site,
         guard: &guard,
+        model: model.as_ref(),
         mount: mount.as_mut(),
         clock,
         options,
         beat: &beat,
     };
-    let mut look = eye.as_mut().map(|eye| {
-        |cancel: &Cancel| {
-            // Finding a frame takes seconds.
-            let found = std::thread::scope(|scope| {
-                let looking = scope.spawn(|| eye.look(cancel));
-                while !looking.is_finished() {
-                    beat();
-                    std::thread::sleep(BEAT);
-                }
-                looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
-            });
-            if let Ok(looks) = &found {
-                let [ra, dec] = looks.sky_deg.to_array();
-                console.say(&format!("the frame looks at RA {ra:.4}°, Dec {dec:+.4}°"));
-            }
-            found
-        }
-    });
+    let mut look = eye.as_mut().map(|eye| |cancel: &Cancel| eye.look(cancel, &beat, console));
     let look = look.as_mut().map(|look| look as &mut sunglint_observatory::telescope::Look<'_>);
     let mut shown = 0_u32;
     let mut watched = true;
@@ -277,7 +314,7 @@ enum Held {
 }
 
 /// Stops the mount, and where that fails leaves it to the watchdog.
-fn stop(mount: &mut dyn Mount, dog: Process) -> anyhow::Result<()> {
+pub(crate) fn stop(mount: &mut dyn Mount, dog: Process) -> anyhow::Result<()> {
     match mount.stop(&Deadline::within(Duration::from_secs(5))) {
         Ok(()) => dog.done(),
         Err(error) => {
@@ -323,8 +360,15 @@ fn hold(
     Ok(Held::Ended)
 }
 
+/// How frames are taken and found.
+pub(crate) struct EyeOptions<'a> {
+    pub exposure_s: f64,
+    pub width_deg: Option<f64>,
+    pub catalogue: Option<&'a std::path::Path>,
+}
+
 /// A camera whose frames say where they look.
-struct Eye {
+pub(crate) struct Eye {
     camera: Box<dyn Camera>,
     solver: Solver,
     exposure_s: f64,
@@ -332,7 +376,11 @@ struct Eye {
 }
 
 impl Eye {
-    fn open(address: &str, args: &GotoArgs, station: &Station) -> anyhow::Result<Self> {
+    pub fn open(
+        address: &str,
+        options: &EyeOptions<'_>,
+        station: &Station,
+    ) -> anyhow::Result<Self> {
         let mut address =
             Address::parse(address, &[]).map_err(|error| anyhow!("--camera: {error}"))?;
         let deadline = Deadline::within(track::OPEN);
@@ -341,13 +389,34 @@ impl Eye {
             AnyDevice::Camera(camera) => camera,
             other => bail!("--camera: this is a {}, no camera", other.kind()),
         };
-        let solver = Solver::new(args.catalogue.as_deref(), None, args.width_deg)?;
+        let solver = Solver::new(options.catalogue, None, options.width_deg)?;
         let scale_arcsec = station.camera.as_ref().map(|camera| camera.pixel_scale_arcsec);
-        Ok(Self { camera, solver, exposure_s: args.exposure_s, scale_arcsec })
+        Ok(Self { camera, solver, exposure_s: options.exposure_s, scale_arcsec })
     }
 
-    /// Takes a frame and finds it.
-    fn look(&mut self, cancel: &Cancel) -> Result<Looks, String> {
+    /// Takes a frame and finds it, with a sign of life now and then: finding a frame takes seconds.
+    pub fn look(
+        &mut self,
+        cancel: &Cancel,
+        beat: &dyn Fn(),
+        console: Console,
+    ) -> Result<Looks, String> {
+        let found = std::thread::scope(|scope| {
+            let looking = scope.spawn(|| self.looked(cancel));
+            while !looking.is_finished() {
+                beat();
+                std::thread::sleep(BEAT);
+            }
+            looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
+        });
+        if let Ok(looks) = &found {
+            let [ra, dec] = looks.sky_deg.to_array();
+            console.say(&format!("the frame looks at RA {ra:.4}°, Dec {dec:+.4}°"));
+        }
+        found
+    }
+
+    fn looked(&mut self, cancel: &Cancel) -> Result<Looks, String> {
         let most = Duration::from_secs_f64(self.exposure_s + 60.0);
         let deadline = Deadline::within(most).with_cancel(cancel);
         let frame =

@@ -61,6 +61,7 @@ pub mod output;
 pub mod page;
 pub mod passes;
 pub mod picture;
+pub mod pointing;
 mod program;
 pub mod progress;
 pub mod reduce;

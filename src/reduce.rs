@@ -3,7 +3,7 @@
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use crate::station::{StationArgs, of_session, with_hint};
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use glam::DVec2;
 use hifitime::Epoch;
@@ -118,6 +118,9 @@ pub struct OtherArgs {
     /// Samples along each streak, where its direction of motion is known
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub along: usize,
+    /// Gain of frames whose headers do not say it (`EGAIN`), e⁻/ADU: without one, σ lacks the target's own photon noise
+    #[arg(long, value_name = "E_ADU", allow_negative_numbers = true)]
+    pub gain_e_per_adu: Option<f64>,
     /// Streaks have at least so much light, in standard deviations of it
     #[arg(long, value_name = "K", default_value_t = FieldOptions::default().streak_sigmas, allow_negative_numbers = true)]
     pub streak_sigma: f64,
@@ -441,6 +444,14 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     options.field.aperture_px = args.frames.aperture_px;
     options.field.point_sigmas = args.frames.detect_sigma;
     options.field.streak_sigmas = args.others.streak_sigma;
+    if let Some(gain) = args.others.gain_e_per_adu {
+        if !(gain.is_finite() && gain > 0.0) {
+            return Err(
+                Usage(format!("--gain-e-per-adu is {gain}, expected electrons above 0")).into()
+            );
+        }
+        options.field.gain_e_per_adu = Some(gain);
+    }
     options.place_px =
         args.others.place_px.as_deref().and_then(|p| Some(DVec2::new(*p.first()?, *p.get(1)?)));
     options.parts = args.others.along;
@@ -461,13 +472,46 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
             object.object, object.elements_age_days
         ));
     }
+    let below = reduced.frames.iter().filter_map(|f| f.sight).any(|s| s.altitude_deg < 0.0);
+    let off_deg = reduced.off_elements_deg.filter(|off| *off > MOST_OFF_DEG);
+    let elsewhere = match (off_deg, below) {
+        (Some(off), _) => {
+            Some(format!("the frames look {off:.0}° beside where its elements have it"))
+        }
+        (None, true) => Some("by its elements it is below the horizon".to_owned()),
+        (None, false) => None,
+    };
+    if let (Some(object), Some(why)) = (&reduced.object, &elsewhere) {
+        console.warn(&format!(
+            "{} is not what was measured: {why}; ranges, phases and magnitudes at 1,000 km are wrong",
+            object.object
+        ));
+        if args.others.score.is_some() {
+            bail!("no SCORE file is written of another object");
+        }
+    }
     let product = folder::whole(&reduced, &name)?;
     if let Some(path) = &args.others.score {
         score(&reduced, path, args, console)?;
     }
-    args.out.finish(&product, &folder::text(&reduced, &name), console)
+    let text = folder::text(&reduced, &name);
+    let frames = &reduced.frames;
+    if args.others.catalogue.is_some() && frames.iter().all(|f| f.zero_point.is_none()) {
+        console.warn("no frame has a zero point by the list: rates stay in ADU/s (each frame's remark says why; a list needs right ascension in degrees and a magnitude)");
+    }
+    args.out.finish(&product, &text, console)?;
+    if frames.iter().all(|f| f.rate_adu_per_s.is_none_or(f64::is_nan)) {
+        bail!(
+            "none of {} frames gave a rate: no target was found that moves or stands at the place asked for (left out: {})",
+            frames.len(),
+            reduced.summary()
+        );
+    }
+    Ok(())
 }
 
+/// A target farther from where its elements have it is another object, deg: elements of a week ago are off by minutes of time, some degrees of a low orbit.
+const MOST_OFF_DEG: f64 = 5.0;
 /// Elements farther from the frames than this are warned of.
 const OLD_DAYS: f64 = 7.0;
 

@@ -19,8 +19,8 @@ use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountS
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
-    Certainty, Guard, PARK_WITHIN, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
-    TrackStep, Tracker, Weather, WeatherFile, park,
+    Certainty, Guard, PARK_WITHIN, Parked, PassPlan, PointingModel, SunCone, TargetPath,
+    TrackError, TrackOptions, TrackStep, Tracker, Weather, WeatherFile, park,
 };
 use sunglint_observatory::{PreflightOptions, check_pass, clock};
 use sunglint_radiometry::sky::EarthOrientation;
@@ -49,6 +49,9 @@ pub struct TrackArgs {
     /// The pass that is on at this time, or the first after it: UTC, ISO 8601, or `now`
     #[arg(long, value_name = "TIME", default_value = "now")]
     pub at: String,
+    /// How the mount shows directions: a file of `sunglint pointing`
+    #[arg(long, value_name = "FILE")]
+    pub pointing: Option<PathBuf>,
     /// Only says what would be done: slew, flip, keyhole, distance from the Sun; nothing moves
     #[arg(long)]
     pub dry_run: bool,
@@ -218,6 +221,11 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         console.warn(&format!("{}: {}", concern.about, concern.text));
     }
     if let Some(mount) = VirtualMount::named(&args.mount) {
+        if args.pointing.is_some() {
+            return Err(
+                Usage("--pointing is of a real mount, and this is a rehearsal".into()).into()
+            );
+        }
         return rehearse(args, console, &station, &orbit, (from, seconds), mount);
     }
     let ahead_s =
@@ -258,6 +266,10 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         refracts(args.no_refraction, mount.as_ref(), console),
     )?
     .later(args.late_s);
+    let path = match args.pointing.as_deref().map(PointingModel::read).transpose()? {
+        Some(model) => model.path(path)?,
+        None => path,
+    };
     let stands = path.angles_of(&mount.reading(&soon())?);
     let mut options = options(args);
     let plan = PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands), &options);

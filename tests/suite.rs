@@ -42,6 +42,7 @@ mod passes;
 mod period;
 mod picture;
 mod planned_night;
+mod pointing;
 mod program;
 mod raw_tags;
 mod recorded_night;

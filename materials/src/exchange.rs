@@ -12,6 +12,7 @@ use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::fred::{FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::ZemaxBsdf;
 use sunglint_formats::{Meta, ParseError};
+use sunglint_numerics::order::median;
 use sunglint_simulator::surface::MaterialError;
 use sunglint_simulator::surface::brdf_table::{self, Row};
 use sunglint_simulator::surface::measured::{self, WriteOptions};
@@ -98,6 +99,42 @@ pub fn warnings(samples: &Samples) -> Vec<String> {
         (i, o, row.brdf_per_sr[0])
     });
     all.extend(brdf_table::mirrored_side(values));
+    all.extend(implausible(samples));
+    all
+}
+
+/// Median of the values beyond which they are taken for percent: a white Lambert surface has 1/π everywhere, and peaks are few.
+const PERCENT_PER_SR: f64 = 1.5;
+/// Angles of a whole table below this are taken for radians: π/2.
+const RADIANS_DEG: f64 = 1.6;
+
+/// Warnings on values that no surface has: none at all, negative ones, percent, angles in radians.
+pub fn implausible(samples: &Samples) -> Vec<String> {
+    let values = || {
+        let rows = samples.rows.iter();
+        rows.flat_map(|row| row.brdf_per_sr.iter().copied()).filter(|v| v.is_finite())
+    };
+    let mut all = Vec::new();
+    let count = values().count();
+    let negative = values().filter(|v| *v < 0.0).count();
+    if count > 0 && values().all(|v| v == 0.0) {
+        all.push("all values are 0: there is no light in them".to_owned());
+    }
+    if negative > 0 {
+        all.push(format!(
+            "{negative} of {count} values are below 0, which no surface has: dark readings that were too high, or a wrong offset"
+        ));
+    }
+    if let Some(middle) = median(values()).filter(|m| *m > PERCENT_PER_SR) {
+        all.push(format!(
+            "half of the values are above {middle:.1} sr⁻¹, and a white sample has 0.32: are they percent, or counts?"
+        ));
+    }
+    let angles = || samples.rows.iter().flat_map(|r| [r.theta_i_deg.abs(), r.theta_o_deg.abs()]);
+    let widest = angles().fold(0.0, f64::max);
+    if samples.rows.len() > 8 && widest > 0.0 && widest < RADIANS_DEG {
+        all.push(format!("all angles from the normal are below {widest:.3}°: are they radians?"));
+    }
     all
 }
 

@@ -504,7 +504,7 @@ impl Plan {
                 return Err(document.error_at("mount.name", expected).into());
             }
             mount.check(document, &names, is_virtual, station.camera.is_some())?;
-            mount.find_weather(document, session)?;
+            mount.find_files(document, session)?;
         }
         for (path, _) in &station.sources {
             let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -323,11 +323,14 @@ impl Planner<'_> {
             let room_s = seconds(from, to) - self.slew_s();
             let count = wanted.min((room_s / block_s).floor().max(0.0) as usize);
             if count < wanted {
-                self.warnings.push(format!(
-                    "{count} of {wanted} stars fit between {} and {}",
-                    format_utc(from, 0),
-                    format_utc(to, 0)
-                ));
+                self.warnings.push(match from < to {
+                    true => format!(
+                        "{count} of {wanted} stars fit between {} and {}",
+                        format_utc(from, 0),
+                        format_utc(to, 0)
+                    ),
+                    false => format!("there is no time for a star before {}", format_utc(to, 0)),
+                });
             }
             let after = if i == 0 { 0 } else { count.div_ceil(2) };
             let after = if i + 1 == stretches { count } else { after };

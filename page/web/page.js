@@ -1516,8 +1516,9 @@ function curveText() {
   const removed = curve.removed.filter(([, n]) => n).map(([why, n]) => `${n} by ${why}`).join(", ");
   const [aperture, inner, outer] = curve.aperture_px ?? [];
   const least = curve.smallest_aperture_px ?? aperture;
-  const apertures = aperture - least < 0.05
-    ? `aperture ${aperture?.toFixed(1)} px, annulus ${inner?.toFixed(1)} to ${outer?.toFixed(1)} px`
+  // Nights of counters alone have none.
+  const apertures = aperture === undefined ? "" : aperture - least < 0.05
+    ? `aperture ${aperture.toFixed(1)} px, annulus ${inner.toFixed(1)} to ${outer.toFixed(1)} px`
     : `apertures of ${least.toFixed(1)} to ${aperture.toFixed(1)} px, annulus ${(inner / aperture).toFixed(1)} to ${(outer / aperture).toFixed(1)} times as large`;
   $("curve-text").textContent = [
     channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${mags ? `mag, ${S.about.magnitudes.said}` : channel.unit}`,

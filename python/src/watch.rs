@@ -184,11 +184,12 @@ fn without_folders(text: &str) -> String {
     let mut parts = text.split(own.as_ref());
     let mut out = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        // Its random letters end with the folder.
-        match part
-            .split_once('/')
-            .filter(|(name, _)| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'))
-        {
+        // The folders of Python's `tempfile` end in eight random characters.
+        let is_random = |name: &str| {
+            name.len() == 8
+                && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        };
+        match part.split_once('/').filter(|(name, _)| is_random(name)) {
             Some((_, file)) => out += file,
             None => out = out + &own + part,
         }

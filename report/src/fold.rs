@@ -45,6 +45,7 @@ pub fn json(found: &FoldedCurves) -> Value {
         "axis": found.axis_deg.map(axis),
         "epoch_utc": format_utc_shortest(found.epoch),
         "bins": found.bins,
+        "unit": found.are_rates.then_some("Hz"),
         "channels": found.channels.iter().map(channel).collect::<Vec<_>>(),
         "warnings": found.warnings,
         "removed": found.removed,

@@ -68,6 +68,7 @@ pub mod passes;
 pub mod period;
 pub mod picture;
 pub mod plot;
+pub mod pointing;
 pub mod preflight;
 mod product;
 pub mod reduce;

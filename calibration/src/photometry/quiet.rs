@@ -17,8 +17,13 @@ const LOOKED_AT: usize = 40_000;
 const OF_GROUP: usize = 1024;
 /// Pairs of frames at most that tell the noise.
 const PAIRS: usize = 4;
-/// A pixel further off than this, in standard deviations of the scatter, is one of its own kind (hot, say); further off than twice this its mean stays.
-const OWN_KIND: f64 = 4.0;
+/// Values further off, in standard deviations of the scatter, do not count in it. A pixel that lies further off is one of its own kind (hot, say); further off than twice this its mean stays.
+const OUTLIER: f64 = 4.0;
+
+/// A group of pixels that lies further off than so many standard deviations of its noise has a level of its own; further off than twice this it stays.
+const GROUP_SIGMAS: f64 = 2.0;
+/// Groups of a kind, and pixels of each, from which on they are looked at.
+const LEAST: usize = 8;
 
 impl MasterFrame {
     /// The mean of dark or bias frames, ADU, with as much of the noise of single pixels taken out as can be told from what pixels differ by.
@@ -65,23 +70,27 @@ fn quiet(mut pixels: ArrayViewMut2<f32>, frames: &[ArrayView2<u16>]) -> f64 {
     let mut changes: Vec<Array2<f32>> = frames.windows(2).step_by(every).map(between).collect();
     let of_mean = 0.5 / frames.len() as f64;
     for group in [Group::Row, Group::Column, Group::Tile(24), Group::Tile(8)] {
+        if !group.tells(own.dim()) {
+            continue;
+        }
         let levels = group.levels(&own);
         let scatter2 = variance(levels.iter().copied());
         let of_changes: Vec<Vec<f64>> = changes.iter().map(|change| group.levels(change)).collect();
         let noise2 =
             median(of_changes.iter().filter_map(|levels| variance(levels.iter().copied())));
         let Some((noise2, scatter2)) = noise2.zip(scatter2) else { continue };
-        let rule = Rule::new(of_mean * noise2, scatter2);
+        // What stands out of its noise is no noise, however much other groups differ: a glow over few of them stays.
+        let own_kind = GROUP_SIGMAS * (of_mean * noise2).sqrt();
+        let rule = Rule::new(of_mean * noise2, scatter2, own_kind);
         group.subtract(&mut own, &levels.iter().map(|of| rule.drawn(*of)).collect::<Vec<f64>>());
         for (change, levels) in changes.iter_mut().zip(of_changes) {
             group.subtract(change, &levels.iter().map(|of| rule.kept * of).collect::<Vec<f64>>());
         }
     }
     let noise2 = median(changes.iter().filter_map(|change| variance(some(change).into_iter())));
-    let (Some(noise2), Some(scatter2)) = (noise2, variance(some(&own).into_iter())) else {
-        return 0.0;
-    };
-    let rule = Rule::new(of_mean * noise2, scatter2);
+    let Some(noise2) = noise2 else { return 0.0 };
+    let Some(scatter2) = variance(some(&own).into_iter()) else { return of_mean * noise2 };
+    let rule = Rule::new(of_mean * noise2, scatter2, OUTLIER * scatter2.sqrt());
     // All that a pixel has in common with others is in its mean, and not in its own part.
     pixels.zip_mut_with(&own, |value, own| {
         let own = f64::from(*own);
@@ -99,10 +108,10 @@ struct Rule {
 }
 
 impl Rule {
-    /// From the mean squares of the noise and of the scatter, noise and all.
-    fn new(noise2: f64, scatter2: f64) -> Self {
+    /// From the mean squares of the noise and of the scatter, noise and all; values further off than `own_kind` are drawn less.
+    fn new(noise2: f64, scatter2: f64, own_kind: f64) -> Self {
         let kept = if scatter2 > 0.0 { (1.0 - noise2 / scatter2).clamp(0.0, 1.0) } else { 1.0 };
-        Self { kept, own_kind: OWN_KIND * scatter2.sqrt() }
+        Self { kept, own_kind }
     }
 
     /// A value, drawn; without a step between those of the usual kind and others.
@@ -132,6 +141,13 @@ impl Group {
             Self::Row => (1, columns.max(1)),
             Self::Column => (rows.max(1), 1),
         }
+    }
+
+    /// Whether there are enough of them, with enough pixels.
+    fn tells(self, dim: (usize, usize)) -> bool {
+        let (high, wide) = self.block(dim);
+        let groups = dim.0.div_ceil(high) * dim.1.div_ceil(wide);
+        groups >= LEAST && high.min(dim.0) * wide.min(dim.1) >= LEAST
     }
 
     /// The mean of each group without pixels that lie far off.
@@ -167,11 +183,11 @@ fn variance(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
     Some(near.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / (near.len() - 1) as f64)
 }
 
-/// Values without those that lie far off: about their median, within [`OWN_KIND`] standard deviations of it, of at least that which whole counts have. `None` of nothing.
+/// Values without those that lie far off: about their median, within [`OUTLIER`] standard deviations of it, of at least that which whole counts have. `None` of nothing.
 fn near(values: impl Iterator<Item = f64> + Clone) -> Option<Vec<f64>> {
     let middle = median(values.clone())?;
     let least = 12_f64.sqrt().recip();
-    let reach = OWN_KIND * robust_sigma(values.clone().map(|v| v - middle))?.max(least);
+    let reach = OUTLIER * robust_sigma(values.clone().map(|v| v - middle))?.max(least);
     Some(values.filter(|v| (v - middle).abs() <= reach).collect())
 }
 
@@ -207,6 +223,14 @@ mod tests {
         columns: f64,
         /// Of the glow in a corner, at its highest.
         glow: f64,
+        /// Of twelve small spots that glow, at their highest, and how far they reach, px.
+        spots: f64,
+        spot_px: f64,
+    }
+
+    /// Middles of the spots.
+    fn spots() -> impl Iterator<Item = [f64; 2]> {
+        (0..12).map(|k| [40.0 + 80.0 * f64::from(k / 4), 43.0 + 77.0 * f64::from(k % 4)])
     }
 
     /// The dark of a sensor, and frames of it with a noise of 15 ADU.
@@ -219,7 +243,12 @@ mod tests {
                 if bayer.is_some() { 9.0 * ((row % 2) * 2 + column % 2) as f64 } else { 0.0 };
             let hot = if (row * 320 + column) % 331 == 5 { 400.0 } else { 0.0 };
             let glow = dark.glow * (-((row * row + column * column) as f64) / 80_f64.powi(2)).exp();
-            let own = dark.pixels * normal(&mut state);
+            let of_spot = |[y, x]: [f64; 2]| {
+                let off2 = (row as f64 - y).powi(2) + (column as f64 - x).powi(2);
+                dark.spots * (-off2 / dark.spot_px.powi(2).max(1e-9)).exp()
+            };
+            let spots: f64 = spots().map(of_spot).sum();
+            let own = dark.pixels * normal(&mut state) + spots;
             300.0 + colour + hot + glow + own + rows[row] + columns[column]
         });
         let frame = |_| Frame {
@@ -306,8 +335,8 @@ mod tests {
                 Dark { columns: 20.0, ..usual },
                 Dark { glow: 15.0, ..usual },
                 Dark { glow: 150.0, ..usual },
-                Dark { pixels: 1.0, rows: 0.5, columns: 1.0, glow: 30.0 },
-                Dark { pixels: 8.0, rows: 3.0, columns: 3.0, glow: 60.0 },
+                Dark { pixels: 1.0, rows: 0.5, columns: 1.0, glow: 30.0, ..usual },
+                Dark { pixels: 8.0, rows: 3.0, columns: 3.0, glow: 60.0, ..usual },
             ] {
                 let (truth, frames) = darks(dark, 9, bayer);
                 let quiet = MasterFrame::quiet(&frames).unwrap();
@@ -319,6 +348,35 @@ mod tests {
                 assert!(sums[0] < most * sums[1], "{sums:?}");
                 assert!(each[0] < 0.95 * each[1], "{each:?}");
             }
+        }
+    }
+
+    /// Truth: the dark that was put in: at small spots that glow, sums over an aperture have at most twice the error that they have with the mean, bias and all (what of a spot is within the noise of its tiles is drawn); at spots as small as a tile, whose
+    /// sides differ, at most four times.
+    #[test]
+    fn small_spots_stay() {
+        for (spots, spot_px) in [(3.0, 25.0), (5.0, 25.0), (10.0, 15.0), (40.0, 8.0), (300.0, 8.0)]
+        {
+            let dark = Dark { pixels: 3.0, spots, spot_px, ..Dark::default() };
+            let (truth, frames) = darks(dark, 9, None);
+            let quiet = MasterFrame::quiet(&frames).unwrap();
+            let mean = MasterFrame::mean(&frames).unwrap();
+            let [own, plain] = [&quiet, &mean].map(|master| {
+                let errors: Vec<f64> = self::spots()
+                    .map(|[y, x]| {
+                        let [top, left] = [y as usize - 9, x as usize - 9];
+                        let of = s![top..top + 19, left..left + 19];
+                        let error = master.pixels.mapv(f64::from) - &truth;
+                        error.slice(of).sum()
+                    })
+                    .collect();
+                let n = errors.len() as f64;
+                let bias = errors.iter().sum::<f64>() / n;
+                [bias, (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt()]
+            });
+            // What the mean of nine frames of 15 ADU has: 19 × 15/√9.
+            let most = 95.0 * if spot_px < 10.0 { 4.0 } else { 2.0 };
+            assert!(own[1] < most && own[0].abs() < most, "{own:?} {plain:?}");
         }
     }
 

@@ -21,7 +21,7 @@ use crate::field_stars::{
 use crate::photometry::field::{
     Along, Field, FieldOptions, Growth, along, cut_flat, find, green_light, plateau,
 };
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
@@ -36,7 +36,7 @@ use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
 };
-use sunglint_radiometry::sky::Site;
+use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, Star};
 
 /// How a folder of frames is reduced.
 #[derive(Debug, Clone, Default)]
@@ -206,6 +206,8 @@ pub struct Folder {
     pub left_out: BTreeMap<String, usize>,
     /// The files that were left out, each with why.
     pub left_out_files: Vec<[String; 2]>,
+    #[serde(skip)]
+    first_unreadable: Option<String>,
     /// How the target was told.
     pub chosen_by: String,
     /// Motion of the target through the frames, px/s, where several tell.
@@ -216,6 +218,9 @@ pub struct Folder {
     pub stars: Option<StarsUse>,
     /// The satellite whose elements were given.
     pub object: Option<SightedObject>,
+    /// Median distance of the target's places on the sky from those of the elements, deg, where both are known.
+    #[serde(skip)]
+    pub off_elements_deg: Option<f64>,
 }
 
 /// Frames before and after one whose profiles count for it.
@@ -312,11 +317,13 @@ pub fn reduce_frames(
         used: BTreeMap::new(),
         left_out: BTreeMap::new(),
         left_out_files: Vec::new(),
+        first_unreadable: None,
         chosen_by: String::new(),
         motion_px_per_s: None,
         notes: BTreeMap::new(),
         stars: None,
         object: None,
+        off_elements_deg: None,
     };
     let list = options.stars.as_ref().map(|stars| Catalogue::read(&stars.list.path)).transpose()?;
     let mut entries = Vec::new();
@@ -345,6 +352,7 @@ pub fn reduce_frames(
     let mut fields = Vec::new();
     let mut masters: Vec<(&FrameHeader, Masters)> = Vec::new();
     let mut calibration = Calibration::new(&entries, &options.reading);
+    let mut without_gain = 0;
     for (time, header) in &lights {
         step(progress, 1)?;
         let alike = |of: &FrameHeader| {
@@ -373,7 +381,8 @@ pub fn reduce_frames(
         let cut = plateau(frame.pixels.view()).filter(|p| told.is_none_or(|adu| p.adu < adu));
         let lowered = made.apply(&mut frame.pixels);
         how.saturation_adu = cut.map(|p| p.adu).or(told).map(|adu| adu - lowered);
-        how.gain_e_per_adu = frame.header.gain_e_per_adu;
+        how.gain_e_per_adu = frame.header.gain_e_per_adu.or(options.field.gain_e_per_adu);
+        without_gain += usize::from(how.gain_e_per_adu.is_none());
         how.fit_growth = true;
         how.bayer = frame.header.bayer;
         let mut field = find(frame.pixels.view(), &how)?;
@@ -391,6 +400,12 @@ pub fn reduce_frames(
         fields.push(Seen { time: *time, header, field, masters: number });
     }
     *folder.used.entry("light").or_default() += fields.len();
+    if without_gain > 0 {
+        progress.warn(&format!(
+            "{without_gain} of {} frames do not say their gain (EGAIN, e⁻/ADU): the σ of their rates lacks the target's own photon noise; say the gain",
+            fields.len()
+        ));
+    }
     folder.tell(&calibration, &lights);
     let growths: Vec<Option<Growth>> = fields.iter().map(|f| f.field.growth.clone()).collect();
     for (i, seen) in fields.iter_mut().enumerate() {
@@ -615,25 +630,37 @@ impl Folder {
             }
         }
         self.object = Some(object);
+        let off = self.frames.iter().filter_map(|frame| {
+            let (sky, sight) = (frame.sky_deg?, frame.sight?);
+            let star = Star::at("the target", sky).ok()?;
+            let observer = Observer::at(frame.time, site, EarthOrientation::embedded()).ok()?;
+            let seen = observer.star(&star).horizontal.east_north_up();
+            let (sin_az, cos_az) = sight.azimuth_deg.to_radians().sin_cos();
+            let (sin_alt, cos_alt) = sight.altitude_deg.to_radians().sin_cos();
+            let there = DVec3::new(cos_alt * sin_az, cos_alt * cos_az, sin_alt);
+            Some(seen.angle_between(there).to_degrees())
+        });
+        self.off_elements_deg = median(off);
         Ok(())
     }
 
     fn leave(&mut self, path: &Path, why: &str, detail: &str) {
         *self.left_out.entry(why.to_owned()).or_default() += 1;
         let detail = if detail.is_empty() { why } else { detail };
+        if why == UNREADABLE && self.first_unreadable.is_none() {
+            let file = path.display().to_string();
+            let named = if detail.contains(&file) { String::new() } else { format!("{file}: ") };
+            self.first_unreadable = Some(format!("{named}{detail}"));
+        }
         self.left_out_files.push([path.display().to_string(), detail.to_owned()]);
     }
 
     /// Words for the files that cannot be read; `None` where all could be.
     pub fn unreadable(&self) -> Option<String> {
         let n = self.left_out.get(UNREADABLE)?;
-        let [file, why] =
-            self.left_out_files.iter().find(|[_, why]| !self.left_out.contains_key(why))?;
-        let named = if why.contains(file.as_str()) { String::new() } else { format!("{file}: ") };
-        Some(format!(
-            "{n} {} {UNREADABLE}; the first: {named}{why}",
-            if *n == 1 { "file" } else { "files" }
-        ))
+        let first = self.first_unreadable.as_ref()?;
+        let files = if *n == 1 { "file" } else { "files" };
+        Some(format!("{n} {files} {UNREADABLE}; the first: {first}"))
     }
 
     /// Words for what was left out.
@@ -1450,7 +1477,7 @@ fn parts(
     let Some(motion) = motion else { return Ok(Vec::new()) };
     let mut frame = ImageFrame::read_as(&seen.header.path, &options.reading)?;
     masters.apply(&mut frame.pixels);
-    let mut gain = frame.header.gain_e_per_adu;
+    let mut gain = frame.header.gain_e_per_adu.or(options.field.gain_e_per_adu);
     let mut noise = 1.0;
     if let Some(pattern) = frame.header.bayer {
         frame.pixels = green_light(frame.pixels.view(), pattern);

@@ -6,7 +6,7 @@ use super::seeing;
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of, said_kind};
 use super::sky::Body;
 use super::times::{TimeDoubt, Times, move_to_row};
-use super::widths::{Apertures, Looked, Told, Widths, aperture_px, binned};
+use super::widths::{Apertures, Looked, Told, Widths, aperture_px, binned, in_frame};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
@@ -25,6 +25,7 @@ use std::sync::{Mutex, PoisonError};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
 use sunglint_numerics::measured::Interval;
+use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
@@ -180,7 +181,7 @@ const SCINTILLATION: f64 = 1.5;
 const APERTURE_PX: f64 = 8.0;
 /// Inner and outer radius of the annulus for the background, in radii of the aperture.
 const ANNULUS: [f64; 2] = [1.5, 2.5];
-/// Width of a point, px, where no frame tells.
+/// Width of a point, px of the frame, where no frame tells.
 const FWHM_PX: f64 = 4.0;
 
 impl FrameOptions {
@@ -273,8 +274,9 @@ pub fn camera_night(
     if how.fwhm_from_frames {
         let airmasses: Vec<Option<f64>> = zeniths.iter().map(|z| z.map(path_length)).collect();
         let of = (&files[..], &stay_of[..], &airmasses[..]);
-        let (widths, binned) = widths(of, stays, &options, &by_hand, &mut sensor)?;
-        fwhm_px = (0..stays.len()).map(|stay| widths.of_stay(stay) / binned[stay]).collect();
+        let (widths, binning) = widths(of, stays, &options, &by_hand, &mut sensor)?;
+        let of_stay = |stay: usize| in_frame(widths.of_stay(stay), binning[stay]);
+        fwhm_px = (0..stays.len()).map(of_stay).collect();
         seen_widths = Some(widths);
     }
     if how.aperture_from_frames {
@@ -376,7 +378,7 @@ pub fn camera_night(
                         follows_within(&options, one.expected.aperture_radius_px)
                     });
                     let fwhm_px = match &seen_widths {
-                        Some(widths) => widths.of_stay(stay) / binned(frame.binning),
+                        Some(widths) => in_frame(widths.of_stay(stay), frame.binning),
                         None => options.fwhm_px,
                     };
                     one.held = reducers.ready(frame, stay, fwhm_px, one.refused, within_px)?;
@@ -436,7 +438,7 @@ pub fn camera_night(
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
         let fwhm_px = |binning: [u32; 2]| match &seen_widths {
-            Some(widths) => widths.of_stay(stay) / binned(binning),
+            Some(widths) => in_frame(widths.of_stay(stay), binning),
             None => options.fwhm_px,
         };
         night.wings[stay] = wings_of(&mut rows, &files, how, &fwhm_px, &mut reducers)?;
@@ -803,6 +805,10 @@ impl<'a> Reducers<'a> {
         self.frames += 1;
         let held = &mut self.held[place];
         held.last = self.frames;
+        // What is followed may move by as much as its aperture, which changes along a pass.
+        if let Some(within_px) = within_px.filter(|_| !refused) {
+            held.reducer.set_max_offset_px(within_px)?;
+        }
         if held.stay != stay {
             held.reducer.set_fwhm_px(fwhm_px)?;
             if !refused {
@@ -917,9 +923,9 @@ fn widths(
     options: &PhotometryOptions,
     by_hand: &ByHand,
     sensor: &mut Sensor<'_>,
-) -> Result<(Widths, Vec<f64>), ReduceError> {
+) -> Result<(Widths, Vec<[u32; 2]>), ReduceError> {
     let mut told = vec![Told::default(); stays.len()];
-    let mut of_binning = vec![1.0; stays.len()];
+    let mut of_binning = vec![[1, 1]; stays.len()];
     let mut known = None;
     for number in (0..stays.len()).filter(|stay| stays[*stay].target.on) {
         let is_of_it = |i: &usize| stay_of[*i] == Some(number) && !by_hand.refused.contains(i);
@@ -933,7 +939,7 @@ fn widths(
         let Some(first) = first else { continue };
         let taken = Taken::of(&first);
         let binned = binned(first.binning);
-        of_binning[number] = binned;
+        of_binning[number] = first.binning;
         if known.as_ref().is_none_or(|(of, _): &(Taken, _)| !of.is_like(&taken)) {
             known = Some((taken.clone(), sensor.calibration(&taken)?));
         }
@@ -958,7 +964,15 @@ fn widths(
             told.looked.extend(airmass.map(|airmass| Looked { fwhm_px, airmass }));
         }
     }
-    Ok((Widths::of(&told, options.fwhm_px), of_binning))
+    // The usual width is one of the frames' pixels.
+    let on = (0..stays.len()).filter(|stay| stays[*stay].target.on);
+    let usual = median(on.map(|stay| binned(of_binning[stay]))).unwrap_or(1.0) * options.fwhm_px;
+    let airmass_of = |stay: usize| {
+        let own = stay_of.iter().zip(airmasses).filter(|(of, _)| **of == Some(stay));
+        median(own.filter_map(|(_, airmass)| *airmass))
+    };
+    let of_stays: Vec<Option<f64>> = (0..stays.len()).map(airmass_of).collect();
+    Ok((Widths::of(&told, &of_stays, usual), of_binning))
 }
 
 /// Removes the rates of a frame whose light is not the target's alone.

@@ -67,8 +67,8 @@ struct OfStay {
 }
 
 impl Widths {
-    /// From what the stays tell; `usual_px` where none does.
-    pub fn of(stays: &[Told], usual_px: f64) -> Self {
+    /// From what the stays tell, each with the airmass of its middle; `usual_px` where none does.
+    pub fn of(stays: &[Told], airmasses: &[Option<f64>], usual_px: f64) -> Self {
         let power = power(stays);
         let in_zenith =
             |of: &Told| median(of.looked.iter().map(|l| l.fwhm_px / l.airmass.powf(power)));
@@ -76,10 +76,16 @@ impl Widths {
         let usual_zenith_px = median(zeniths.iter().flatten().copied());
         let sharp = |told: &Told| told.fwhm_px.filter(|_| !told.saturated);
         let usual_px = median(stays.iter().filter_map(sharp)).unwrap_or(usual_px);
-        let of_stay = stays.iter().zip(zeniths).map(|(told, own)| OfStay {
-            target_px: told.fwhm_px.unwrap_or(usual_px),
-            point_px: sharp(told).unwrap_or(usual_px),
-            zenith_px: own.or(usual_zenith_px),
+        let of_stay = stays.iter().zip(zeniths).enumerate().map(|(k, (told, own))| {
+            let zenith_px = own.or(usual_zenith_px);
+            let airmass = airmasses.get(k).copied().flatten();
+            let carried = airmass.zip(zenith_px).map(|(here, px)| px * here.powf(power));
+            let expected_px = carried.unwrap_or(usual_px);
+            OfStay {
+                target_px: told.fwhm_px.unwrap_or(expected_px),
+                point_px: sharp(told).unwrap_or(expected_px),
+                zenith_px,
+            }
         });
         Self { of_stay: of_stay.collect(), power }
     }
@@ -95,6 +101,11 @@ impl Widths {
         let carried = airmass.zip(zenith_px).map(|(here, px)| px * here.powf(self.power));
         carried.unwrap_or(point_px)
     }
+}
+
+/// A width of unbinned pixels in those of a frame, within what frames are searched for.
+pub(super) fn in_frame(fwhm_px: f64, binning: [u32; 2]) -> f64 {
+    (fwhm_px / binned(binning)).clamp(0.5, 100.0)
 }
 
 /// Sensor pixels along a side of one of a frame's.
@@ -155,7 +166,7 @@ impl Apertures {
         let radius_px = match &self.widths {
             None => self.radius_px,
             Some(widths) => {
-                let wanted = aperture_px(widths.at(stay, airmass) / binned(frame.binning));
+                let wanted = aperture_px(in_frame(widths.at(stay, airmass), frame.binning));
                 let most = most_px(frame.pixels.dim());
                 if wanted > most && self.cramped.is_none_or(|(before, _, _)| wanted > before) {
                     self.cramped = Some((wanted, most, frame.start));
@@ -217,7 +228,7 @@ mod tests {
     fn a_night_tells_how_points_grow_with_the_airmass() {
         for (wanted, tolerance) in [(0.6, 0.05), (0.0, 0.06), (0.9, 0.06)] {
             let told = [stay(5.0, wanted, [4.0, 1.5], 0.03), stay(5.2, wanted, [1.2, 1.21], 0.03)];
-            let widths = Widths::of(&told, 9.0);
+            let widths = Widths::of(&told, &[], 9.0);
             assert!((widths.power - wanted).abs() < tolerance, "{wanted}: {}", widths.power);
             let middle = widths.at(0, Some(2.75)) / widths.of_stay(0);
             assert!((middle - 1.0).abs() < 0.04, "{wanted}: {middle}");
@@ -226,15 +237,17 @@ mod tests {
         }
         let clipped = Told { fwhm_px: Some(11.0), saturated: true, looked: Vec::new() };
         let told = [stay(5.0, 0.0, [1.2, 1.2], 0.0), Told::default(), clipped];
-        let widths = Widths::of(&told, 7.0);
+        let widths = Widths::of(&told, &[None, Some(2.4), None], 7.0);
         assert_eq!(widths.power, 0.6);
-        assert_eq!([0, 1, 2].map(|of| widths.of_stay(of)), [5.0, 5.0, 11.0]);
-        for of in 0..3 {
-            assert_eq!(widths.at(of, None), 5.0, "{of}");
+        // The second stands at twice the airmass.
+        let there = 5.0 * 2_f64.powf(0.6);
+        for (of, wanted) in [(0, [5.0, 5.0]), (1, [there, there]), (2, [11.0, 5.0])] {
+            let found = [widths.of_stay(of), widths.at(of, None)];
+            assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{of}: {found:?}");
             let there = widths.at(of, Some(2.4));
             assert!((there / 5.0 - 2_f64.powf(0.6)).abs() < 1e-9, "{of}: {there}");
         }
-        let nothing = Widths::of(&[Told::default()], 7.0);
+        let nothing = Widths::of(&[Told::default()], &[Some(3.0)], 7.0);
         assert_eq!([nothing.of_stay(0), nothing.at(0, None), nothing.at(0, Some(3.0))], [7.0; 3]);
     }
 
@@ -244,7 +257,7 @@ mod tests {
     fn apertures_follow_the_points() {
         let told = [stay(4.0, 0.6, [1.0, 1.0], 0.0), stay(4.0, 0.6, [4.0, 4.0], 0.0)];
         let wide = 2.5 * told[1].looked[0].fwhm_px.hypot(PIXEL_FWHM);
-        let mut apertures = Apertures::new(8.0, Some(Widths::of(&told, 4.0)));
+        let mut apertures = Apertures::new(8.0, Some(Widths::of(&told, &[], 4.0)));
         let mut radius =
             |stay, airmass, side| apertures.radius_px(stay, Some(airmass), &frame(side, [1, 1]));
         // As pixels see them: 4.06 and 9.21 px.
@@ -255,7 +268,7 @@ mod tests {
         assert!((used.low - 10.144).abs() < 0.001 && (used.high - wide).abs() < 1e-9);
         let warning = apertures.warning().unwrap();
         assert!(warning.contains("23.0 px") && warning.contains("20.0 px"), "{warning}");
-        let mut alone = Apertures::new(8.0, Some(Widths::of(&told[..1], 4.0)));
+        let mut alone = Apertures::new(8.0, Some(Widths::of(&told[..1], &[], 4.0)));
         assert!((alone.radius_px(0, Some(1.0), &frame(1000, [1, 1])) - 10.144).abs() < 0.001);
         // Points of 2 px of the frame.
         assert!((alone.radius_px(0, Some(1.0), &frame(1000, [2, 2])) - 5.281).abs() < 0.001);

@@ -5,6 +5,7 @@
 //! source has light in the wide aperture tell nothing, and where too few are left the rates stay as they are, and that is said.
 
 use super::frames::{APERTURE_FWHM, FrameOptions};
+use super::widths::aperture_px;
 use crate::photometry::{
     Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError,
     PhotometryOptions,
@@ -83,7 +84,7 @@ impl Wings {
 
 /// Options with an aperture of [`APERTURE_FWHM`] widths of a point; `None` where that is not wider than the one that is set.
 pub(super) fn wide(how: &FrameOptions, fwhm_px: f64) -> Option<PhotometryOptions> {
-    let radius_px = APERTURE_FWHM * fwhm_px;
+    let radius_px = aperture_px(fwhm_px);
     if how.aperture_from_frames || how.photometry.aperture_radius_px >= radius_px {
         return None;
     }

@@ -166,14 +166,14 @@ impl MeasuredPass {
         self.file_rows = order;
     }
 
-    /// Takes out samples that are the same as the one before them (time, exposure, light and flags of every channel): they say nothing new. Samples without light stay, since they count for nothing.
+    /// Takes out samples that are the same as the one before them (time, exposure, light and flags of every channel): they say nothing new.
     fn drop_doubled(&mut self) {
         let same = |a: usize, b: usize| {
             let exposures = self.exposure_s.as_ref();
             self.times[a] == self.times[b]
                 && exposures.is_none_or(|e| e[a].to_bits() == e[b].to_bits())
                 && self.channels.iter().all(|c| {
-                    c.value[a] == c.value[b]
+                    (c.value[a] == c.value[b] || c.value[a].is_nan() && c.value[b].is_nan())
                         && c.sigma[a].to_bits() == c.sigma[b].to_bits()
                         && c.flags[a] == c.flags[b]
                 })

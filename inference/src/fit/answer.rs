@@ -122,7 +122,7 @@ pub struct FittedScene {
 /// Light that came by way of another part: computed for what was found, held, the rest fitted again, until nothing moved.
 #[derive(Debug, Clone, Serialize)]
 pub struct Bounces {
-    /// The largest share of a sample's light.
+    /// The largest share of a sample's light, beside the light of single materials in the first round.
     pub share: f64,
     /// How often it was computed.
     pub rounds: usize,

@@ -29,6 +29,8 @@ const MOST_STEPS: f64 = 1e5;
 const MOST_ROUNDS: usize = 12;
 /// A round that moves no parameter by more of its standard uncertainty is the last.
 const SETTLED_SIGMAS: f64 = 0.03;
+/// The same from this round on: light that is found by paths, or by patches that are made anew, is itself unsure.
+const LATER: (usize, f64) = (4, 0.1);
 
 /// Bounced light of a curve that is held, on its way to the fixed point of h = G(h), G being the light computed for the fit with h held: the secant through the last
 /// two rounds (Anderson's acceleration of depth 1; Walker and Ni 2011).
@@ -119,7 +121,8 @@ impl Bouncing<'_> {
             });
             let moved_sigmas = moves.fold(0.0, f64::max);
             fit = next;
-            let settled = moved_sigmas <= SETTLED_SIGMAS;
+            let (later, most) = LATER;
+            let settled = moved_sigmas <= if round < later { SETTLED_SIGMAS } else { most };
             found =
                 Some(Bounces { share, rounds: round, moved_sigmas, settled, thinned: Vec::new() });
             if settled {
@@ -175,14 +178,17 @@ impl Bouncing<'_> {
             }
             sums
         };
+        let offset_s = parameters.time_offset_s(k, &values);
         // Where light is looked at, and how, is found once: from round to round little changes.
         let rates = match kept {
             Some(kept) => {
                 kept.study.set_attitude(pass.attitude)?;
+                kept.study.set_time_offset_s(offset_s)?;
                 kept.study.bounced_of(pass.target)?
             }
             None => {
                 let mut study = Study::new(pass)?;
+                study.set_time_offset_s(offset_s)?;
                 let thinned = study.thin(THINNED * study.pass().tolerance)?;
                 let rates = study.term_rates()?;
                 *kept = Some(Kept { study, thinned, single: summed(&rates, false) });

@@ -564,6 +564,14 @@ impl Parameters {
         )
     }
 
+    /// Seconds by which a curve's times are later than the scene's.
+    pub fn time_offset_s(&self, curve: usize, values: &[f64]) -> f64 {
+        let own = self.roles.iter().zip(values).filter(|((role, c), _)| {
+            matches!(role, Role::TimeOffset) && c.is_none_or(|c| c == curve)
+        });
+        own.map(|(_, v)| *v).sum()
+    }
+
     /// Returns the value of each parameter in the scene: where its search starts, or the value for which its light is as the scene has it.
     pub fn in_the_scene(&self) -> Vec<f64> {
         let searched = self.free.iter().map(|f| f.start);

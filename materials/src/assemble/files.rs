@@ -1,6 +1,8 @@
 //! A material from the files of a measurement: values, density, and the plan of them.
 
 use super::{AssembleError, AssembleOptions, Assembled, assemble};
+use crate::exchange::implausible;
+use crate::ingest::once;
 use crate::plan::{Planned, missing, planned};
 use crate::read::{self, ReadError};
 use crate::samples::Samples;
@@ -102,6 +104,9 @@ pub fn assemble_files(
     begin: &dyn Fn(),
 ) -> Result<Assembly, AssemblyError> {
     let (measured, mut inputs) = read::samples(&files.samples, files.wavelength_nm)?;
+    for warning in once(measured.clone()).1.into_iter().chain(implausible(&measured)) {
+        warn(&warning);
+    }
     let (density, others) = read::density(&files.ndf)?;
     inputs.extend(others);
     let mut mirrored = false;

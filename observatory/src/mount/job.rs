@@ -129,7 +129,23 @@ impl Job {
         make(path.epoch(first_s), path.epoch(last_s))
     }
 
+    /// The whole path, as the mount has to show it.
     fn whole(
+        &self,
+        plan: &MountPlan,
+        station: &Station,
+        axes: MountAxes,
+        guard: &Guard,
+        span: (Epoch, Epoch),
+    ) -> Result<TargetPath, JobError> {
+        let path = self.seen(plan, station, axes, guard, span)?;
+        Ok(match &plan.model {
+            Some(model) => model.path(path)?,
+            None => path,
+        })
+    }
+
+    fn seen(
         &self,
         plan: &MountPlan,
         station: &Station,

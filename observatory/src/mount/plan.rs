@@ -1,7 +1,7 @@
 //! The mount in a plan: `[mount]` of NIGHT.toml.
 
 use crate::plan::VIRTUAL_ADDRESS;
-use crate::telescope::TrackOptions;
+use crate::telescope::{PointingModel, TrackOptions};
 use glam::DVec2;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -15,6 +15,8 @@ use sunglint_radiometry::station::{Detector, Station};
 
 /// Option of a recorded mount that tells where the file of the weather lies.
 const WEATHER: &str = "weather=";
+/// The same of the model of its pointing.
+const POINTING: &str = "pointing=";
 /// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
 const SETTLE_S: f64 = 10.0;
 
@@ -131,6 +133,12 @@ pub struct MountPlan {
     /// Age at which that file counts as bad weather, s.
     #[serde(default)]
     pub weather_age_s: Option<Positive>,
+    /// File of a model of its pointing.
+    #[serde(default)]
+    pub pointing: Option<PathBuf>,
+    /// The model of that file.
+    #[serde(skip)]
+    pub model: Option<PointingModel>,
 }
 
 impl MountPlan {
@@ -312,36 +320,50 @@ impl MountPlan {
         Ok(())
     }
 
-    /// Finds the file of the weather: beside the plan, or where it was when the session that goes on began.
+    /// Finds the files of the weather and of the pointing, beside the plan or where they were when the session that goes on began, and reads the latter.
     ///
     /// # Errors
-    /// The session does not say where it was.
-    pub(crate) fn find_weather(
+    /// The session does not say where one was; a file of the pointing that is none.
+    pub(crate) fn find_files(
         &mut self,
         document: &Document,
         session: Option<&Session>,
     ) -> Result<(), ParseError> {
-        let Some(path) = self.weather.take() else { return Ok(()) };
-        let found = match session.filter(|_| path.is_relative()) {
-            None => document.resolve(path),
-            Some(session) => {
-                let devices = session.manifest().devices.iter();
-                let mut of_mount = devices.filter(|device| device.name == self.name);
-                let recorded = of_mount.find_map(|device| {
-                    device.options.iter().find_map(|option| option.strip_prefix(WEATHER))
-                });
-                let expected = "a whole path: the session does not say in which folder this file lies; write it into its night.toml";
-                PathBuf::from(recorded.ok_or_else(|| document.error_at("mount.weather", expected))?)
-            }
+        let find = |path: PathBuf, key: &str, option: &str| {
+            let found = match session.filter(|_| path.is_relative()) {
+                None => document.resolve(path),
+                Some(session) => {
+                    let devices = session.manifest().devices.iter();
+                    let mut of_mount = devices.filter(|device| device.name == self.name);
+                    let recorded = of_mount.find_map(|device| {
+                        device.options.iter().find_map(|own| own.strip_prefix(option))
+                    });
+                    let expected = "a whole path: the session does not say in which folder this file lies; write it into its night.toml";
+                    PathBuf::from(recorded.ok_or_else(|| document.error_at(key, expected))?)
+                }
+            };
+            Ok(std::path::absolute(&found).unwrap_or(found))
         };
-        self.weather = Some(std::path::absolute(&found).unwrap_or(found));
+        let weather = self.weather.clone().map(|path| find(path, "mount.weather", WEATHER));
+        let pointing = self.pointing.clone().map(|path| find(path, "mount.pointing", POINTING));
+        (self.weather, self.pointing) = (weather.transpose()?, pointing.transpose()?);
+        if let Some(path) = &self.pointing {
+            let model = PointingModel::read(path).map_err(|error| {
+                let expected = format!("a file of `sunglint pointing` ({error})");
+                document.error_at("mount.pointing", expected)
+            })?;
+            self.model = Some(model);
+        }
         Ok(())
     }
 
-    /// Options for the session: those of the driver, and where the file of the weather lies.
+    /// Options for the session: those of the driver, and where the files of the weather and of the pointing lie.
     pub(crate) fn recorded(&self) -> Vec<String> {
-        let weather = self.weather.iter().map(|path| format!("{WEATHER}{}", path.display()));
-        self.with.iter().cloned().chain(weather).collect()
+        let files = [(WEATHER, &self.weather), (POINTING, &self.pointing)];
+        let files = files.into_iter().filter_map(|(option, path)| {
+            path.as_ref().map(|path| format!("{option}{}", path.display()))
+        });
+        self.with.iter().cloned().chain(files).collect()
     }
 }
 

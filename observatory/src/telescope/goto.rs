@@ -1,5 +1,6 @@
 //! Going to a place on the sky, corrected by where the frames look.
 
+use super::model::{PointingModel, PointingPlace};
 use super::path::{PathError, TargetPath, angles, direction, wrapped};
 use super::safety::Guard;
 use super::steer::Orders;
@@ -13,6 +14,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, Mount, MountMotion, MountReading, PierSide};
+use sunglint_numerics::axes::Axes;
 use sunglint_radiometry::sky::{
     AzimuthAltitude, EarthOrientation, Equatorial, Site, Star, StarError,
 };
@@ -159,6 +161,9 @@ pub struct Gone {
     pub off_arcsec: Vec<f64>,
     /// The axes as the last frame saw them.
     pub camera: Option<CameraAxes>,
+    /// Reading of the mount in the middle of the last frame, beside where the frame looked: for a model of its pointing, where none is used.
+    #[serde(skip)]
+    pub place: Option<PointingPlace>,
 }
 
 /// Takes a frame and says where it looks.
@@ -172,6 +177,8 @@ pub struct Goto<'a> {
     pub guard: &'a Guard,
     /// The mount.
     pub mount: &'a mut dyn Mount,
+    /// How the mount shows directions, where that was measured.
+    pub model: Option<&'a PointingModel>,
     /// Clock of the mount.
     pub clock: DeviceClock,
     /// How.
@@ -186,18 +193,34 @@ impl std::fmt::Debug for Goto<'_> {
     }
 }
 
+/// The angles of the axes at a moment, on the line between two readings.
+fn between(path: &TargetPath, readings: [&MountReading; 2], at: Epoch) -> Axes {
+    let [first, last] = readings.map(|reading| path.angles_of(reading));
+    let [from, to] = readings.map(|reading| reading.utc);
+    let whole = (to - from).to_seconds();
+    let part = if whole > 0.0 { ((at - from).to_seconds() / whole).clamp(0.0, 1.0) } else { 1.0 };
+    Axes::new(
+        wrapped(first.first + part * wrapped(last.first - first.first)),
+        first.second + part * (last.second - first.second),
+    )
+}
+
 impl Goto<'_> {
     fn path(&self, target: &GotoTarget, from: Epoch) -> Result<TargetPath, PathError> {
         let (earth, axes) = (EarthOrientation::embedded(), self.mount.abilities().axes);
         let span = (from, PATH_S);
-        match target {
+        let path = match target {
             GotoTarget::Star(star) => {
                 TargetPath::star(star, self.site, earth, span, axes, self.options.refraction)
             }
             GotoTarget::Horizontal(place) => {
                 TargetPath::fixed(*place, self.site, earth, span, axes)
             }
-        }
+        }?;
+        Ok(match self.model {
+            Some(model) => model.path(path)?,
+            None => path,
+        })
     }
 
     fn reading(&mut self, cancel: &Cancel) -> Result<MountReading, DeviceError> {
@@ -299,11 +322,11 @@ impl Goto<'_> {
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<Gone, GotoError> {
         let orders = Orders::default();
-        let (mut offs, mut camera) = (Vec::new(), None);
+        let (mut offs, mut camera, mut place) = (Vec::new(), None, None);
         loop {
             let (path, own_arcsec) = self.arrive(target, &orders, cancel, each)?;
             let Some(look) = look.as_mut() else {
-                return Ok(Gone { own_arcsec, off_arcsec: offs, camera });
+                return Ok(Gone { own_arcsec, off_arcsec: offs, camera, place });
             };
             self.rest(cancel)?;
             let before = self.reading(cancel)?;
@@ -321,6 +344,12 @@ impl Goto<'_> {
             let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
             let seen_at = seen.at(0.0).direction;
             camera = Some(self.camera(&looks, after.pier)?);
+            place = Some(PointingPlace {
+                utc: Some(looks.middle),
+                shown_deg: between(&path, [&before, &after], looks.middle),
+                seen_deg: angles(seen_at),
+                pier: after.pier,
+            });
             let wanted = path.at(path.time_s(looks.middle)).direction;
             let off_arcsec = wanted.angle_between(seen_at).to_degrees() * 3600.0;
             offs.push(off_arcsec);
@@ -334,7 +363,7 @@ impl Goto<'_> {
                     self.mount.sync(place, &soon.with_cancel(cancel))?;
                     (self.beat)();
                 }
-                return Ok(Gone { own_arcsec, off_arcsec: offs, camera });
+                return Ok(Gone { own_arcsec, off_arcsec: offs, camera, place });
             }
             if offs.len() >= self.options.rounds {
                 let (rounds, tolerance_arcsec) = (offs.len(), self.options.tolerance_arcsec);

@@ -5,6 +5,7 @@
 //! - [`Guard`]: what a mount may point at, and which ways it may take;
 //! - [`Tracker`]: feed-forward of place and rate, an estimator of the target's error along and across its track, search and coasting;
 //! - [`Goto`]: a place on the sky, corrected by where the frames look;
+//! - [`PointingModel`]: how a mount that is not set up perfectly shows directions;
 //! - [`Orders`]: what a person asks of it meanwhile;
 //! - [`WeatherFile`]: whether the sky is fit for an open telescope, by a file;
 //! - [`watchdog`]: stops the mount when the tracker dies.
@@ -12,6 +13,7 @@
 mod estimate;
 mod goto;
 mod hold;
+mod model;
 mod park;
 mod path;
 mod pier;
@@ -26,6 +28,10 @@ mod weather;
 pub use estimate::EstimatorOptions;
 pub use goto::{
     CameraAxes, Gone, Goto, GotoError, GotoOptions, GotoTarget, Look, Looks, OWN_ARCSEC,
+};
+pub use model::{
+    ModelError, PointingFit, PointingModel, PointingPlace, PointingTerm, fit_pointing, places_of,
+    places_table,
 };
 pub use park::{PARK_WITHIN, Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};

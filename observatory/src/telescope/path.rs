@@ -31,6 +31,16 @@ pub enum PathError {
     /// The sky has none.
     #[error(transparent)]
     Sky(#[from] SkyError),
+    /// A model of the pointing of another kind of mount.
+    #[error(
+        "the model of the pointing is of a mount with {expected:?} axes, this one has {found:?} axes: measure it anew"
+    )]
+    Axes {
+        /// Axes of the mount.
+        found: MountAxes,
+        /// Axes of the model.
+        expected: MountAxes,
+    },
     /// A span that is none.
     #[error("a path of {found_s} s, expected more than 0 and at most {most_s} s")]
     Span {
@@ -252,6 +262,21 @@ impl TargetPath {
     pub fn later(mut self, late_s: f64) -> Self {
         self.from += late_s * Unit::Second;
         self.sidereal_deg += SIDEREAL_DEG_S * late_s;
+        self
+    }
+
+    /// The path with other directions in the place of its own, as a mount shows them.
+    #[must_use]
+    pub(super) fn mapped(mut self, shown: &dyn Fn(DVec3) -> DVec3) -> Self {
+        const PART_S: f64 = 0.01;
+        for place in &mut self.points {
+            let [before, after] =
+                [-PART_S, PART_S].map(|s| shown((place.direction + place.per_s * s).normalize()));
+            *place = Place {
+                direction: shown(place.direction),
+                per_s: (after - before) / (2.0 * PART_S),
+            };
+        }
         self
     }
 

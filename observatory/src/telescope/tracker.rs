@@ -1505,7 +1505,7 @@ fn held(hold: &Hold, now_s: f64, frame_s: f64) -> TrackState {
 }
 
 /// Directions of growing first and second angle at a direction.
-fn tangent(at: DVec3) -> [DVec3; 2] {
+pub(super) fn tangent(at: DVec3) -> [DVec3; 2] {
     let flat = at.x.hypot(at.y).max(1e-9);
     let first = DVec3::new(at.y / flat, -at.x / flat, 0.0);
     [first, first.cross(at)]

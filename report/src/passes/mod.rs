@@ -151,7 +151,10 @@ impl PassesReport<'_> {
             let azimuth = |e: &SightingEvent| compass(e.geometry.horizontal.azimuth_deg());
             let best = self.best(pass).map_or("-".into(), |(_, ratio)| short(ratio));
             let name = pass.target.split(" (").next().unwrap_or(&pass.target);
-            let name: String = name.chars().take(16).collect();
+            let name: String = match name.chars().count() > 16 {
+                true => name.chars().take(15).chain(['…']).collect(),
+                false => name.to_owned(),
+            };
             let v = pass.expected.v_station.map_or("-".into(), |v| format!("{v:.1}"));
             let _ = writeln!(
                 text,

@@ -1,6 +1,7 @@
 //! Reflectances by which the weights of a scene count at one wavelength.
 
 use super::Scene;
+use crate::surface::is_uncovered;
 
 /// A wavelength beyond a material's table.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -26,6 +27,11 @@ impl Scene {
         for material in self.materials() {
             for spectrum in material.spectra() {
                 let (first_nm, last_nm) = spectrum.range_nm();
+                // It only says which geometries were not measured: no light is known of these.
+                if is_uncovered((first_nm, last_nm)) {
+                    all.push(0.0);
+                    continue;
+                }
                 if !(first_nm..=last_nm).contains(&nm) {
                     let material = material.name.clone();
                     return Err(UncoveredError { nm, material, first_nm, last_nm });

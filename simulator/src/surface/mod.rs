@@ -331,8 +331,21 @@ impl Material {
             let across = (1.0 - z * z).sqrt();
             DVec3::new(across * cos, across * sin, z)
         };
-        (0..PROBES * PROBES).all(|k| {
-            let (i, o) = (direction(k / PROBES, 2.4), direction(k % PROBES, -2.4));
+        if let (Width::Mirror(own), Width::Mirror(other)) = (self.width(), other.width()) {
+            let weights = |of: &Fresnel, k: u32| {
+                let mut own = vec![0.0; of.spectra().len()];
+                of.add_weights((f64::from(k) + 0.5) / f64::from(PROBES), 1.0, &mut own);
+                own
+            };
+            return (0..PROBES).all(|k| weights(own, k) == weights(other, k));
+        }
+        // The mirrored direction is among them: narrow lobes are nothing elsewhere.
+        (0..PROBES * (PROBES + 1)).all(|k| {
+            let i = direction(k % PROBES, 2.4);
+            let o = match k / PROBES {
+                PROBES => DVec3::new(-i.x, -i.y, i.z),
+                other => direction(other, -2.4),
+            };
             let mut both = [vec![0.0; count], vec![0.0; count]];
             self.add_weights(i, o, 1.0, &mut both[0]);
             other.add_weights(i, o, 1.0, &mut both[1]);

@@ -96,14 +96,19 @@ impl Earthlit {
         Ok(Some(Self { surfaces, active, nodes, options, shape_error, earth, patches }))
     }
 
-    /// For the same body in other reflectances, with the same terms; `None` where light is never lost.
+    /// For the same body in other reflectances, with the same terms; `None` where these do not do, or light is never lost.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
+        let mut among: Vec<usize> =
+            self.active.iter().map(|k| self.surfaces.list[*k].material).collect();
+        among.sort_unstable();
+        among.dedup();
+        let nodes = self.nodes.again(scene.materials(), &among)?;
         let patches = match &self.patches {
             Some((still, cost_s)) => Some((Arc::new(still.recoloured(scene)?), *cost_s)),
             None => None,
         };
         let (surfaces, active) = (self.surfaces.clone(), self.active.clone());
-        let (nodes, earth) = (self.nodes.clone(), self.earth.clone());
+        let earth = self.earth.clone();
         let Self { options, shape_error, .. } = *self;
         Some(Self { surfaces, active, nodes, options, shape_error, earth, patches })
     }

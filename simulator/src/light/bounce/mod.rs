@@ -133,11 +133,12 @@ pub(in crate::light) struct Prepared {
 }
 
 impl Prepared {
-    /// For the same body in other reflectances, with the same terms; `None` where light is never lost.
+    /// For the same body in other reflectances, with the same terms; `None` where these do not do, or light is never lost.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
         let way = match &self.way {
+            Way::Nothing => Way::Nothing,
             Way::Still(still) => Way::Still(Arc::new(still.recoloured(scene)?)),
-            other => other.clone(),
+            Way::Paths(plan) => Way::Paths(Arc::new(plan.recoloured(scene)?)),
         };
         Some(Self { way, ..*self })
     }

@@ -12,6 +12,9 @@ use sunglint_radiometry::spectrum::{Factor, Spectrum};
 const MOST_TESTED: usize = 2000;
 /// Nodes at most.
 const MOST_NODES: usize = 160;
+/// Nodes of other reflectances are kept up to so many times the error of the first, or up to this.
+const WORSE: f64 = 2.0;
+const LEAST_WORSE: f64 = 1e-4;
 /// Where the bounced light is weaker than this, of its most, the error is relative to this: no light comes from there.
 const FLOOR: f64 = 0.02;
 
@@ -59,6 +62,33 @@ impl Nodes {
             let place = chosen.partition_point(|k| *k < at);
             chosen.insert(place, at);
         }
+    }
+
+    /// The same wavelengths for the same materials in other reflectances; `None` where the light is not as linear between them.
+    pub fn again(&self, materials: &[Material], among: &[usize]) -> Option<Self> {
+        let spectra: Vec<_> = among.iter().flat_map(|m| materials[*m].spectra()).collect();
+        let (first, last) = self.range;
+        if spectra.iter().any(|s| s.range_nm().0 > first || s.range_nm().1 < last) {
+            return None;
+        }
+        let mut tables: Vec<&[f64]> = spectra.iter().map(|s| s.wavelength_nm()).collect();
+        tables.push(&self.nm);
+        let grid = grid(&tables, self.range);
+        let rows: Vec<Vec<f64>> =
+            spectra.iter().map(|s| grid.iter().map(|nm| s.at(*nm)).collect()).collect();
+        let functions = products(&rows);
+        let error = if self.nm.len() == 1 {
+            let uneven = |f: &Vec<f64>| {
+                let most = f.iter().copied().fold(0.0, f64::max);
+                f.iter().map(|v| (v - f[0]).abs()).fold(0.0, f64::max) / most
+            };
+            functions.iter().map(uneven).fold(0.0, f64::max)
+        } else {
+            let place = |nm: &f64| grid.partition_point(|g| g < nm);
+            worst(&grid, &functions, &self.nm.iter().map(place).collect::<Vec<_>>()).1
+        };
+        let most = (WORSE * self.error).max(LEAST_WORSE);
+        (error <= most).then(|| Self { nm: self.nm.clone(), error, range: self.range })
     }
 
     /// The function of each node: 1 there, 0 at the others.

@@ -198,16 +198,23 @@ impl Still {
         }
     }
 
-    /// The same patches, rays and wavelengths for the same body in other reflectances. What was found on trial is taken to hold for these. `None` where light is never lost.
+    /// The same patches, rays and wavelengths for the same body in other reflectances. What was found on trial is taken to hold for these. `None` where light is never lost,
+    /// or is less linear between the wavelengths.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
-        let optics = Optics::new(scene.materials(), &self.nodes.nm);
+        let surface =
+            |cells: &super::patches::Cells| self.patched.surfaces.list[cells.surface].material;
+        let mut among: Vec<usize> = self.patched.patches.cells.iter().map(surface).collect();
+        among.sort_unstable();
+        among.dedup();
+        let nodes = self.nodes.again(scene.materials(), &among)?;
+        let optics = Optics::new(scene.materials(), &nodes.nm);
         let patched = self.patched.clone();
         let caster = Caster::new(&self.patched.surfaces.list, scene.touching_m);
-        let nodes = (self.node, self.nodes.nm.len());
-        let mut draft = Draft::of(scene, patched, &caster, &optics, nodes);
+        let of = (self.node, nodes.nm.len());
+        let mut draft = Draft::of(scene, patched, &caster, &optics, of);
         draft.shoot(self.rays, self.patched.chords.each, self.seed);
-        let (patched, orders) = draft.finish(&self.nodes)?;
-        let (nodes, rest, beyond) = (self.nodes.clone(), self.rest.clone(), self.beyond.clone());
+        let (patched, orders) = draft.finish(&nodes)?;
+        let (rest, beyond) = (self.rest.clone(), self.beyond.clone());
         let Self { rays, seed, node, claim, as_good, .. } = *self;
         Some(Self { nodes, patched, orders, rays, seed, node, claim, rest, beyond, as_good })
     }

@@ -54,6 +54,17 @@ impl Plan {
         Self { rest: true, ..self }
     }
 
+    /// The same paths for the same body in other reflectances; `None` where light is less linear between the wavelengths.
+    pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
+        let mut among: Vec<usize> =
+            self.active.iter().map(|k| self.surfaces.list[*k].material).collect();
+        among.sort_unstable();
+        among.dedup();
+        let nodes = self.nodes.again(scene.materials(), &among)?;
+        let (surfaces, active) = (self.surfaces.clone(), self.active.clone());
+        Some(Self { surfaces, active, nodes, ..*self })
+    }
+
     /// The claimed error of all paths that may be traced, of one that `points` of each scramble know to `sigma`.
     pub fn claimed(&self, sigma: f64, points: u32) -> f64 {
         CLAIMED * sigma * (f64::from(points) / f64::from(self.most_points)).sqrt()

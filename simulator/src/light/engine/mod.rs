@@ -216,7 +216,8 @@ impl Engine {
         let scene = self.scene.recoloured(materials)?;
         let between = self.parts.iter().filter(|(_, part)| part.is_between_surfaces());
         let parts = between.map(|(range, part)| Some((range.clone(), part.recoloured(&scene)?)));
-        let parts = parts.collect::<Option<Vec<_>>>()?;
+        // Where nothing is added, brighter surfaces might add something.
+        let parts = parts.collect::<Option<Vec<_>>>().filter(|parts| !parts.is_empty())?;
         let body = Body::new(&scene).ok()?;
         let (terms, needs) = (self.terms.clone(), self.needs.clone());
         let Self { lit, near, albedo, glint_rad, collimated, .. } = *self;
