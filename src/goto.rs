@@ -159,7 +159,7 @@ impl GotoArgs {
     }
 }
 
-/// What has to be known before a mount is moved.
+/// Facts that have to be known before a mount is moved.
 pub(crate) struct Reach<'a> {
     pub mount: &'a str,
     pub known: &'a track::KnownArgs,

@@ -9,7 +9,7 @@ use sunglint_formats::{Column, Table};
 use sunglint_numerics::axes::Axes;
 use sunglint_observatory::telescope::{PointingFit, PointingTerm, places_table};
 
-/// What a term is, for a person.
+/// Words for a term.
 fn words(term: PointingTerm, axes: MountAxes) -> &'static str {
     let equatorial = axes == MountAxes::Equatorial;
     match term {
@@ -112,7 +112,7 @@ pub fn product(fit: &PointingFit) -> Product {
     }
 }
 
-/// What is left over both angles, and over one another.
+/// Figure of the residuals over both angles, and over one another.
 fn figure(fit: &PointingFit, off: &[Axes]) -> Figure {
     let [first, second] = names(fit.model.axes);
     let used = || fit.places.iter().zip(off).zip(&fit.used).filter(|(_, used)| **used);

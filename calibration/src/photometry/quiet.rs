@@ -99,7 +99,7 @@ fn quiet(mut pixels: ArrayViewMut2<f32>, frames: &[ArrayView2<u16>]) -> f64 {
     of_mean * noise2 * rule.kept
 }
 
-/// By how much values are drawn towards 0.
+/// Rule that draws values towards 0.
 struct Rule {
     /// Part that is kept.
     kept: f64,
@@ -214,16 +214,16 @@ mod tests {
         sum
     }
 
-    /// What a sensor has in the dark, ADU.
+    /// Dark level of a sensor, ADU.
     #[derive(Clone, Copy, Default)]
     struct Dark {
         /// Standard deviations between pixels, rows and columns.
         pixels: f64,
         rows: f64,
         columns: f64,
-        /// Of the glow in a corner, at its highest.
+        /// Height of the glow in a corner.
         glow: f64,
-        /// Of twelve small spots that glow, at their highest, and how far they reach, px.
+        /// Height of twelve small spots that glow, and how far they reach, px.
         spots: f64,
         spot_px: f64,
     }

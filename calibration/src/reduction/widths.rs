@@ -38,7 +38,7 @@ pub(super) struct Looked {
     pub airmass: f64,
 }
 
-/// What the frames of a stay tell of the width of points.
+/// Widths of points as the frames of a stay tell them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Told {
     /// The median full width at half maximum, unbinned px; `None` where the frames do not tell.
@@ -58,7 +58,7 @@ pub(super) struct Widths {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct OfStay {
-    /// What the target is looked for with, px.
+    /// Width with which the target is looked for, px.
     target_px: f64,
     /// Points at an unknown airmass, px.
     point_px: f64,
@@ -90,12 +90,12 @@ impl Widths {
         Self { of_stay: of_stay.collect(), power }
     }
 
-    /// Of a stay's target as its frames show it, clipped or not, px.
+    /// The width of a stay's target as its frames show it, clipped or not, px.
     pub fn of_stay(&self, stay: usize) -> f64 {
         self.of_stay[stay].target_px
     }
 
-    /// Of points at an airmass in a stay, px.
+    /// The width of points at an airmass in a stay, px.
     pub fn at(&self, stay: usize, airmass: Option<f64>) -> f64 {
         let OfStay { point_px, zenith_px, .. } = self.of_stay[stay];
         let carried = airmass.zip(zenith_px).map(|(here, px)| px * here.powf(self.power));

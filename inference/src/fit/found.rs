@@ -71,7 +71,7 @@ impl Held {
     }
 }
 
-/// What is kept of a curve from round to round.
+/// Parts of a curve's simulation that are kept from round to round.
 struct Kept {
     study: Study,
     thinned: Thinned,

@@ -76,7 +76,7 @@ impl PointingTerm {
         Self::CircleCosine,
     ];
 
-    /// Its key in files.
+    /// Key of the term in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::FirstZero => "first_zero",
