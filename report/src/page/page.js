@@ -57,7 +57,7 @@
         const steps = [];
         for (let i = 1; i < line.x.length && steps.length < 2000; i++) if (line.x[i] > line.x[i - 1]) steps.push(line.x[i] - line.x[i - 1]);
         steps.sort((a, b) => a - b);
-        line.gap = 5 * (steps[steps.length >> 1] || Infinity);
+        line.gap = 5 * (steps[Math.floor(0.9 * steps.length)] || Infinity);
       }
       this.svg = figure.querySelector("svg");
       this.svg.classList.add("static");
