@@ -636,7 +636,7 @@ fn aperture<'py>(
 
 /// Frames of any program, reduced to a light curve.
 #[pyfunction]
-#[pyo3(signature = (files, place_px=None, along=1, darks=Vec::new(), flats=Vec::new(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None))]
+#[pyo3(signature = (files, place_px=None, along=1, darks=Vec::new(), flats=Vec::new(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None, gain_e_per_adu=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn reduce(
     py: Python<'_>,
@@ -658,9 +658,13 @@ fn reduce(
     colour_term: Option<f64>,
     name: Option<String>,
     progress: Option<Py<PyAny>>,
+    gain_e_per_adu: Option<f64>,
 ) -> PyResult<Outcome> {
     run(py, progress, move |watch: &Watch| {
         let mut options = FolderOptions::default();
+        options.field.gain_e_per_adu = gain_e_per_adu
+            .map(|gain| crate::sky::within("gain_e_per_adu", gain, 1e-6, 1e6))
+            .transpose()?;
         options.field.fwhm_px = fwhm_px;
         options.field.aperture_px = aperture_px;
         options.field.streak_sigmas = streak_sigma.unwrap_or(options.field.streak_sigmas);

@@ -1429,7 +1429,7 @@ def detect(pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_p
     return Field(_core.detect(pixels, fwhm_px, point_sigma, streak_sigma, shortest_px, aperture_px, saturation_adu, gain_e_per_adu, bayer))
 
 
-def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None):
+def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None, gain_e_per_adu=None):
     """Reduces frames (FITS) of any program to a light curve.
 
     Parameters
@@ -1459,6 +1459,8 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
     target_colour : (float, float), optional
         Colour of the target, and its uncertainty.
     colour_term : float, optional
+    gain_e_per_adu : float, optional
+        Electrons of a count of frames whose headers do not say it (``EGAIN``): without, uncertainties lack the target's own photon noise, with a warning.
     name : str, optional
         Name of the result.
     progress : callable (stage, done, of) or tqdm bar, optional
@@ -1507,6 +1509,7 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             colour_term,
             name,
             _callback(progress),
+            gain_e_per_adu,
         )
     )
 

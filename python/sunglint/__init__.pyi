@@ -520,6 +520,7 @@ def reduce(
     colour_term: float | None = None,
     name: str | None = None,
     progress: _Progress | None = None,
+    gain_e_per_adu: float | None = None,
 ) -> Result: ...
 def star(
     name: str,
