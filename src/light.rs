@@ -1,14 +1,16 @@
 //! `sunglint light`: the light of a body for directions that are given.
 
 use crate::explain;
-use crate::output::{Console, OutputArgs, Usage};
+use crate::output::{Console, Made, OutputArgs, Target, Usage, clean_up_on_signals};
 use crate::picture::direction;
+use crate::progress::Bar;
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufRead as _, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use sunglint_numerics::progress::Progress as _;
 use sunglint_report::intensity::{IntensityReport, header, row};
 use sunglint_simulator::intensity::rows::Rows;
 use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, Span};
@@ -95,6 +97,15 @@ pub struct LightArgs {
 pub fn run(args: &LightArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    let is_json = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    if args.derivatives.is_some() {
+        let tables = args.table.is_some() && !console.json;
+        if tables || args.out.output.iter().any(|path| !is_json(path)) {
+            let text =
+                "--derivatives: tables have no columns for them; write .json, or print with --json";
+            return Err(Usage(text.into()).into());
+        }
+    }
     let target = crate::passes::target(&args.model)?;
     for warning in &target.warnings {
         console.warn(warning);
@@ -129,6 +140,16 @@ pub fn run(args: &LightArgs, console: Console) -> anyhow::Result<()> {
     let light = all.worker().light(&aspect)?;
     let report = IntensityReport { target: &target.name, all: &all, light: &light };
     args.out.finish(&report.product()?, &report.text(), console)
+}
+
+/// Rows of a table but for its head; `None` where it cannot be read twice.
+fn count(path: &Path) -> Option<u64> {
+    if !path.is_file() {
+        return None;
+    }
+    let lines = BufReader::new(File::open(path).ok()?).split(b'\n');
+    let lines = lines.map_while(Result::ok).filter(|line| !line.is_empty() && line[0] != b'#');
+    (lines.count() as u64).checked_sub(1)
 }
 
 fn open(path: &Path) -> anyhow::Result<Rows<BufReader<File>>> {
@@ -171,17 +192,11 @@ impl LightArgs {
             return Err(Usage(text).into());
         }
         // Under another name until all is there.
-        let part = path.with_extension("csv.part");
-        let file =
-            File::create(&part).with_context(|| format!("cannot write {}", part.display()))?;
-        let written = self.stream(table, all, console, file).and_then(|()| {
-            std::fs::rename(&part, path).with_context(|| format!("cannot write {}", path.display()))
-        });
-        if written.is_err() {
-            // What is half done helps nobody; the first error is the one to hear of.
-            let _ = std::fs::remove_file(&part);
-        }
-        written
+        clean_up_on_signals()?;
+        let mut made = Made::default();
+        let mut file = self.out.begin(&Target::File(path.clone()), &mut made)?;
+        self.stream(table, all, console, &mut file)?;
+        file.finish()
     }
 
     fn stream(
@@ -197,6 +212,8 @@ impl LightArgs {
         }
         let mut rows = open(table)?;
         let (mut done, mut met) = (0_usize, 0_usize);
+        let bar = Bar::new(console);
+        bar.begin("geometries", count(table));
         loop {
             let chunk = rows.by_ref().take(TOGETHER).collect::<Result<Vec<Aspect>, _>>()?;
             if chunk.is_empty() {
@@ -214,7 +231,9 @@ impl LightArgs {
                 }
             }
             out.write_all(text.as_bytes())?;
+            bar.advance(chunk.len() as u64);
         }
+        bar.end();
         out.flush()?;
         if met < done {
             console.warn(&format!(

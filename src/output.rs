@@ -469,7 +469,8 @@ impl MadeFile {
         }
     }
 
-    fn finish(self) -> anyhow::Result<()> {
+    /// Ends the file: it has its name from now on.
+    pub fn finish(self) -> anyhow::Result<()> {
         match self {
             Self::Part(part) => {
                 let temporary = part.part_path().to_path_buf();
