@@ -118,6 +118,9 @@ pub struct OtherArgs {
     /// Samples along each streak, where its direction of motion is known
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub along: usize,
+    /// Write the SCORE file though the object is elsewhere by its elements
+    #[arg(long, requires = "score")]
+    pub anyway: bool,
     /// Gain of frames whose headers do not say it (`EGAIN`), e⁻/ADU: without one, σ lacks the target's own photon noise
     #[arg(long, value_name = "E_ADU", allow_negative_numbers = true)]
     pub gain_e_per_adu: Option<f64>,
@@ -486,8 +489,8 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
             "{} is not what was measured: {why}; ranges, phases and magnitudes at 1,000 km are wrong",
             object.object
         ));
-        if args.others.score.is_some() {
-            bail!("no SCORE file is written of another object");
+        if args.others.score.is_some() && !args.others.anyway {
+            bail!("no SCORE file is written of another object (--anyway writes it)");
         }
     }
     let product = folder::whole(&reduced, &name)?;

@@ -314,7 +314,10 @@ fn elements_make_ranges_and_phases() {
     let of = ["--elements", &elements, "--object", &number];
     let who = ["--observer", "a@example.org", "0000-0001-2345-6789", "0.4 m, CMOS"];
     let score = ["--score", "score.csv", "--json", "-o", "m.ecsv", "-q"];
-    let result = folder.json(&[&reduce[..], &of, &who, &score].concat());
+    // The stars are made up: the satellite is elsewhere.
+    let error = folder.refused(1, &[&reduce[..], &of, &who, &score].concat());
+    assert!(error.contains("no SCORE file") && !folder.path("score.csv").exists(), "{error}");
+    let result = folder.json(&[&reduce[..], &of, &who, &score, &["--anyway"]].concat());
     let site = &result["object"]["site"];
     let frames = result["frames"].as_array().unwrap();
     let number_of = |v: &serde_json::Value| v.as_f64().unwrap();
@@ -394,6 +397,51 @@ fn campaign_star_frames() {
     campaign.largest("largest_middle_of_a_night_mag", spread);
     campaign.largest("largest_distance_arcsec", away);
     campaign.finish();
+}
+
+/// Truth: by construction. Frames without a gain are warned of, and a gain that is told makes σ larger (photon noise is no longer left out); frames of nothing end with 1 and the reason, and so does a list
+/// that matches no frame, with a warning.
+#[test]
+fn what_is_missing_is_said() {
+    let folder = Folder::new("missing");
+    let mut chance = Chance(3);
+    for k in 0..6 {
+        for (name, light) in [("moving", LIGHT), ("nothing", 0.0)] {
+            let mut frame = Array2::from_elem([SIZE[1], SIZE[0]], 400.0);
+            point(&mut frame, [100.0 + 14.0 * f64::from(k), 150.0], light);
+            for i in 0..9 {
+                point(&mut frame, [40.0 * f64::from(i) + 22.0, 40.0 + 23.0 * f64::from(i)], light);
+            }
+            std::fs::create_dir_all(folder.path(name)).unwrap();
+            let time = format!("2021-03-04T20:00:{:02}", 10 * k % 60);
+            let cards = [("DATE-OBS", time.as_str()), ("EGAIN", "0")];
+            write(&folder.path(name).join(format!("{k}.fits")), frame, &mut chance, &cards);
+        }
+    }
+    let sigma = |extra: &[&str]| {
+        let all = [&["reduce", "moving", "--json"], extra].concat();
+        let output = folder.run(&all);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (json["frames"][2]["sigma_adu_per_s"].as_f64().unwrap(), said)
+    };
+    let (without, said) = sigma(&[]);
+    assert!(said.contains("gain") && said.contains("photon noise"), "{said}");
+    let (with, said) = sigma(&["--gain-e-per-adu", "0.8"]);
+    assert!(!said.contains("photon noise"), "{said}");
+    // √(24,000 ADU × 0.8) e⁻ in 10 s.
+    let own = (LIGHT / 0.8).sqrt() / EXPOSURE_S;
+    assert!((with / without.hypot(own) - 1.0).abs() < 0.05, "{with} {without} {own}");
+    folder.refused(2, &["reduce", "moving", "--gain-e-per-adu", "0"]);
+    let output = folder.run(&["reduce", "nothing", "-o", "n.ecsv"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("none of 6 frames gave a rate"), "{said}");
+    // A list of stars elsewhere.
+    std::fs::write(folder.path("list.csv"), "ra,dec,Vmag\n10,20,8\n11,21,9\n12,20,7\n").unwrap();
+    let output = folder.run(&["reduce", "moving", "--catalogue", "list.csv", "-o", "c.ecsv"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("zero point") || said.contains("stars"), "{said}");
 }
 
 /// Folders of which nothing can be measured, and a file of two images (synthetic). Truth: what was written into them: the reason of the first file, the kinds of the frames, the image that is asked for.

@@ -181,3 +181,32 @@ fn a_name_does_no_harm() {
         }
     }
 }
+
+/// Truth: by construction. A table of geometries leaves its rows under the name that was asked for and nothing beside it, and is not written over; derivatives, which a table has no columns for, are refused.
+#[test]
+fn a_table_of_geometries_is_whole_or_not_there() {
+    let folder = Folder::new("light-table");
+    std::fs::write(
+        folder.path("g.csv"),
+        "sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,0,0.3,1,0.2,0.5\n0,1,0.3,1,0.2,0.5\n",
+    )
+    .unwrap();
+    let light = ["light", "cube", "--table", "g.csv", "--wavelength-nm", "550"];
+    folder.done(&[&light[..], &["-o", "made.csv"]].concat());
+    let names: Vec<String> = std::fs::read_dir(&folder.0)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .filter(|name| name != "g.csv")
+        .collect();
+    assert_eq!(names, ["made.csv"]);
+    let rows = std::fs::read_to_string(folder.path("made.csv")).unwrap();
+    assert_eq!(rows.lines().filter(|line| !line.starts_with('#')).count(), 3, "{rows}");
+    folder.refused(1, &[&light[..], &["-o", "made.csv"]].concat());
+    let error =
+        folder.refused(2, &[&light[..], &["-o", "d.csv", "--derivatives", "albedo"]].concat());
+    assert!(error.contains("--derivatives"), "{error}");
+    let one =
+        ["light", "cube", "--sun", "1,0,0.3", "--observer", "1,0.2,0.5", "--wavelength-nm", "550"];
+    folder.refused(2, &[&one[..], &["-o", "d.ecsv", "--derivatives", "albedo"]].concat());
+    folder.done(&[&one[..], &["-o", "d.json", "--derivatives", "albedo"]].concat());
+}

@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod goniometer;
+mod implausible;
 mod material;
 mod ndf;
 mod plan;
