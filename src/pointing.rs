@@ -12,6 +12,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use sunglint_drivers::clock::{Cancel, DeviceClock};
 use sunglint_drivers::device::MountAxes;
+use sunglint_formats::text_table;
 use sunglint_observatory::telescope::{
     Goto, GotoError, GotoTarget, PointingFit, PointingPlace, TrackError, fit_pointing, places_of,
 };
@@ -97,7 +98,11 @@ pub fn run(args: &PointingArgs, console: Console) -> anyhow::Result<()> {
     let station = args.station.get()?;
     let (axes, places) = match &args.table {
         Some(path) => {
-            let table = sunglint_formats::ecsv::read(path)?;
+            let text = sunglint_formats::read::text(path)?;
+            let table = match text.starts_with("# %ECSV") {
+                true => sunglint_formats::ecsv::read_str(path, &text)?,
+                false => text_table::read_str(path, &text)?,
+            };
             places_of(&table).with_context(|| format!("{}", path.display()))?
         }
         None => measured(args, &station, console)?,

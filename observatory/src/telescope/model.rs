@@ -162,8 +162,9 @@ pub fn places_of(table: &Table) -> Result<(MountAxes, Vec<PointingPlace>), Table
     for name in columns(axes) {
         angles.push(table.f64(name)?);
     }
-    let words = |name: &str| if has(name) { table.text(name).map(Some) } else { Ok(None) };
-    let (times, piers) = (words("time_utc")?, words("pier")?);
+    // A column of nothing is no text.
+    let words = |name: &str| table.text(name).ok();
+    let (times, piers) = (words("time_utc"), words("pier"));
     let place = |k: usize| {
         let word = |of: Option<&'_ [Option<String>]>| of.and_then(|of| of[k].clone());
         PointingPlace {
