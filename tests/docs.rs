@@ -673,6 +673,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "before_arcsec",
         "rms_arcsec",
         "terms",
+        "arcsec",
         "sigma_arcsec",
         "equatorial",
         "horizontal",

@@ -52,7 +52,7 @@ fn a_table_of_places_makes_a_model() {
     assert!(text.contains("zero point of the hour angle"), "{text}");
 
     std::fs::write(folder.path("short.csv"), places(names).replace("seen_dec_deg", "dec")).unwrap();
-    let error = folder.refused(2, &["pointing", "short.csv", "--station", "ufo"]);
+    let error = folder.refused(1, &["pointing", "short.csv", "--station", "ufo"]);
     assert!(error.contains("seen_dec_deg") && error.contains("short.csv"), "{error}");
     let mixed = [names[2], names[3], names[1], names[0]];
     std::fs::write(folder.path("mixed.csv"), places(mixed)).unwrap();
