@@ -59,5 +59,5 @@ fn a_table_of_places_makes_a_model() {
     let error = folder.refused(1, &["pointing", "mixed.csv", "--station", "ufo"]);
     assert!(error.contains("place 1"), "{error}");
     let error = folder.refused(2, &["pointing"]);
-    assert!(error.contains("--mount"), "{error}");
+    assert!(error.contains("<FILE>"), "{error}");
 }
