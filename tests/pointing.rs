@@ -54,6 +54,10 @@ fn a_table_of_places_makes_a_model() {
     std::fs::write(folder.path("short.csv"), places(names).replace("seen_dec_deg", "dec")).unwrap();
     let error = folder.refused(1, &["pointing", "short.csv", "--station", "ufo"]);
     assert!(error.contains("seen_dec_deg") && error.contains("short.csv"), "{error}");
+    let side = places(names).replacen(",\n", ",north\n", 1);
+    std::fs::write(folder.path("side.csv"), side).unwrap();
+    let error = folder.refused(1, &["pointing", "side.csv", "--station", "ufo"]);
+    assert!(error.contains("pier") && error.contains("north"), "{error}");
     let mixed = [names[2], names[3], names[1], names[0]];
     std::fs::write(folder.path("mixed.csv"), places(mixed)).unwrap();
     let error = folder.refused(1, &["pointing", "mixed.csv", "--station", "ufo"]);

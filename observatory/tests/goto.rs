@@ -170,6 +170,11 @@ fn a_model_of_its_pointing_finds_stars_without_frames() {
             MountAxes::Horizontal => MountAxes::Equatorial,
         };
         let star = catalogue.find("Deneb").unwrap();
+        // The Sun is kept off by what the mount shows.
+        let mut far = fit.model.clone();
+        far.terms_arcsec[1].1.value += 5.0 * 3600.0;
+        let error = go(&stage(axes, star), star, Some(&far)).unwrap_err();
+        assert!(error.to_string().contains("sync it"), "{error}");
         let wrong = PointingModel { axes: other, ..fit.model };
         let error = go(&stage(axes, star), star, Some(&wrong)).unwrap_err();
         assert!(error.to_string().contains("measure it anew"), "{error}");

@@ -153,8 +153,8 @@ pub fn places_table(axes: MountAxes, places: &[PointingPlace]) -> Vec<Column> {
 /// The places of a table ([`places_table`]), and the axes that its columns are of.
 ///
 /// # Errors
-/// Columns that are not there, or hold something else.
-pub fn places_of(table: &Table) -> Result<(MountAxes, Vec<PointingPlace>), TableError> {
+/// Columns that are not there, or hold something else; a side of the pier that is none.
+pub fn places_of(table: &Table) -> Result<(MountAxes, Vec<PointingPlace>), ModelError> {
     let has = |name: &str| table.column(name).is_ok();
     let horizontal = has(columns(MountAxes::Horizontal)[0]);
     let axes = if horizontal { MountAxes::Horizontal } else { MountAxes::Equatorial };
@@ -165,17 +165,20 @@ pub fn places_of(table: &Table) -> Result<(MountAxes, Vec<PointingPlace>), Table
     // A column of nothing is no text.
     let words = |name: &str| table.text(name).ok();
     let (times, piers) = (words("time_utc"), words("pier"));
+    let sides = piers.unwrap_or_default().iter().map(|word| match word.as_deref() {
+        None | Some("") => Ok(None),
+        Some(word) if word.eq_ignore_ascii_case("east") => Ok(Some(PierSide::East)),
+        Some(word) if word.eq_ignore_ascii_case("west") => Ok(Some(PierSide::West)),
+        Some(word) => Err(ModelError::Side { found: word.to_owned() }),
+    });
+    let sides = sides.collect::<Result<Vec<_>, _>>()?;
     let place = |k: usize| {
         let word = |of: Option<&'_ [Option<String>]>| of.and_then(|of| of[k].clone());
         PointingPlace {
             utc: word(times).and_then(|text| parse_utc(&text).ok()),
             shown_deg: Axes::new(angles[0][k], angles[1][k]),
             seen_deg: Axes::new(angles[2][k], angles[3][k]),
-            pier: match word(piers).as_deref() {
-                Some("east") => Some(PierSide::East),
-                Some("west") => Some(PierSide::West),
-                _ => None,
-            },
+            pier: sides.get(k).copied().flatten(),
         }
     };
     Ok((axes, (0..angles[0].len()).map(place).collect()))
@@ -185,6 +188,15 @@ pub fn places_of(table: &Table) -> Result<(MountAxes, Vec<PointingPlace>), Table
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
+    /// A table without its columns.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A side of the pier that is none.
+    #[error("column `pier` has {found:?}, expected east, west or nothing")]
+    Side {
+        /// The word.
+        found: String,
+    },
     /// Too few places.
     #[error("a pointing model needs {LEAST_POINTS} places or more, found {found}")]
     Few {
@@ -250,7 +262,7 @@ impl PointingModel {
     /// The path of the angles that the mount has to show for a target to be seen. A German mount is taken to stay on the side on which the path begins.
     ///
     /// # Errors
-    /// [`PathError::Axes`].
+    /// [`PathError::Axes`]; [`PathError::Far`] of a mount that is so far off that the telescope would look elsewhere than what keeps it off the Sun goes by.
     pub fn path(&self, path: TargetPath) -> Result<TargetPath, PathError> {
         let found = path.frame().axes;
         if found != self.axes {
@@ -258,7 +270,7 @@ impl PointingModel {
         }
         let first = path.at(0.0).direction;
         let pier = if angles(first).first < 0.0 { PierSide::West } else { PierSide::East };
-        Ok(path.mapped(&|seen| self.shown(seen, Some(pier))))
+        path.mapped(&|seen| self.shown(seen, Some(pier)))
     }
 
     /// Distance of a place from the model along the two axes, arcsec.

@@ -18,6 +18,8 @@ const STEP_S: f64 = 0.5;
 const SIDEREAL_DEG_S: f64 = 360.985_647_366 / 86_400.0;
 /// How far a path is known beyond its ends, points: a minute, as far as the target is searched there. Beyond it goes on straight.
 const MARGIN: usize = 120;
+/// Farthest that a model of the pointing may move a direction, deg: the distance from the Sun is kept by what the mount shows, with 5° more for its pointing.
+const MOST_MAPPED_DEG: f64 = 4.0;
 /// Longest path, s.
 const MOST_S: f64 = 86_400.0;
 
@@ -40,6 +42,16 @@ pub enum PathError {
         found: MountAxes,
         /// Axes of the model.
         expected: MountAxes,
+    },
+    /// A model of the pointing of a mount that is far off.
+    #[error(
+        "by the model of its pointing the mount is {off_deg:.1}° off, expected at most {most_deg}°: sync it, and measure the model anew"
+    )]
+    Far {
+        /// How far, deg.
+        off_deg: f64,
+        /// Largest that is taken, deg.
+        most_deg: f64,
     },
     /// A span that is none.
     #[error("a path of {found_s} s, expected more than 0 and at most {most_s} s")]
@@ -266,9 +278,16 @@ impl TargetPath {
     }
 
     /// The path with other directions in the place of its own, as a mount shows them.
-    #[must_use]
-    pub(super) fn mapped(mut self, shown: &dyn Fn(DVec3) -> DVec3) -> Self {
+    ///
+    /// # Errors
+    /// [`PathError::Far`].
+    pub(super) fn mapped(mut self, shown: &dyn Fn(DVec3) -> DVec3) -> Result<Self, PathError> {
         const PART_S: f64 = 0.01;
+        let off = |place: &Place| shown(place.direction).angle_between(place.direction);
+        let off_deg = self.points.iter().map(off).fold(0.0, f64::max).to_degrees();
+        if off_deg > MOST_MAPPED_DEG {
+            return Err(PathError::Far { off_deg, most_deg: MOST_MAPPED_DEG });
+        }
         for place in &mut self.points {
             let [before, after] =
                 [-PART_S, PART_S].map(|s| shown((place.direction + place.per_s * s).normalize()));
@@ -277,7 +296,7 @@ impl TargetPath {
                 per_s: (after - before) / (2.0 * PART_S),
             };
         }
-        self
+        Ok(self)
     }
 
     /// First moment.

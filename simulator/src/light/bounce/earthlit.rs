@@ -77,9 +77,7 @@ impl Earthlit {
         if active.is_empty() {
             return Ok(None);
         }
-        let mut among: Vec<usize> = active.iter().map(|k| surfaces.list[*k].material).collect();
-        among.sort_unstable();
-        among.dedup();
+        let among = surfaces.materials(active.iter().copied());
         let mut nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
         let coarse = OF_PATCHES * options.tolerance / share.max(f64::MIN_POSITIVE);
         let tolerance = coarse.clamp(OF_PATCHES * options.tolerance, COARSEST);
@@ -98,10 +96,7 @@ impl Earthlit {
 
     /// For the same body in other reflectances, with the same terms; `None` where these do not do, or light is never lost.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
-        let mut among: Vec<usize> =
-            self.active.iter().map(|k| self.surfaces.list[*k].material).collect();
-        among.sort_unstable();
-        among.dedup();
+        let among = self.surfaces.materials(self.active.iter().copied());
         let nodes = self.nodes.again(scene.materials(), &among)?;
         let patches = match &self.patches {
             Some((still, cost_s)) => Some((Arc::new(still.recoloured(scene)?), *cost_s)),

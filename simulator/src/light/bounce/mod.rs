@@ -196,10 +196,7 @@ impl<'a> Bounce<'a> {
             );
             return nothing(Some(share), why);
         }
-        let mut among: Vec<usize> =
-            bound.active.iter().map(|k| surfaces.list[*k].material).collect();
-        among.sort_unstable();
-        among.dedup();
+        let among = surfaces.materials(bound.active.iter().copied());
         let rough = Nodes::new(scene.materials(), &among, ROUGH)?;
         let pilot = Pilot::new(scene, &surfaces, &bound.active, &rough, options);
         let measured = format!(

@@ -201,11 +201,8 @@ impl Still {
     /// The same patches, rays and wavelengths for the same body in other reflectances. What was found on trial is taken to hold for these. `None` where light is never lost,
     /// or is less linear between the wavelengths.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
-        let surface =
-            |cells: &super::patches::Cells| self.patched.surfaces.list[cells.surface].material;
-        let mut among: Vec<usize> = self.patched.patches.cells.iter().map(surface).collect();
-        among.sort_unstable();
-        among.dedup();
+        let Patched { surfaces, patches, .. } = &self.patched;
+        let among = surfaces.materials(patches.cells.iter().map(|cells| cells.surface));
         let nodes = self.nodes.again(scene.materials(), &among)?;
         let optics = Optics::new(scene.materials(), &nodes.nm);
         let patched = self.patched.clone();

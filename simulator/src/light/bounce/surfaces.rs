@@ -213,6 +213,14 @@ impl Surfaces {
         Self { list: base.clone(), base, angles: vec![0.0; scene.hinges.len()] }
     }
 
+    /// The materials of some surfaces, each once, increasing.
+    pub fn materials(&self, of: impl Iterator<Item = usize>) -> Vec<usize> {
+        let mut all: Vec<usize> = of.map(|k| self.list[k].material).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Turns hinged surfaces to the Sun; whether anything moved.
     pub fn turn(&mut self, scene: &Scene, sun: DVec3) -> bool {
         let mut moved = false;

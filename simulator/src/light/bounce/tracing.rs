@@ -56,10 +56,7 @@ impl Plan {
 
     /// The same paths for the same body in other reflectances; `None` where light is less linear between the wavelengths.
     pub fn recoloured(&self, scene: &Scene) -> Option<Self> {
-        let mut among: Vec<usize> =
-            self.active.iter().map(|k| self.surfaces.list[*k].material).collect();
-        among.sort_unstable();
-        among.dedup();
+        let among = self.surfaces.materials(self.active.iter().copied());
         let nodes = self.nodes.again(scene.materials(), &among)?;
         let (surfaces, active) = (self.surfaces.clone(), self.active.clone());
         Some(Self { surfaces, active, nodes, ..*self })

@@ -39,8 +39,6 @@ pub struct Study {
     transmissions: Vec<Option<Vec<f64>>>,
     /// Where direct light is computed, and where all other; everywhere where `None`.
     nodes: [Option<thin::Nodes>; 2],
-    /// The light between surfaces of the body that [`Study::bounced_of`] was last asked for.
-    recoloured: Option<Engine>,
 }
 
 /// The light of each term in each channel and band: what rates are sums of.
@@ -82,7 +80,6 @@ impl Study {
             functionals,
             transmissions: Vec::new(),
             nodes: [None, None],
-            recoloured: None,
         };
         study.look_through_air()?;
         Ok(study)
@@ -119,17 +116,15 @@ impl Study {
     }
 
     /// The rates of light that went between surfaces, of the same body in other reflectances: of the terms of no single material; those of all others are 0. What does not depend on
-    /// reflectances is kept from body to body, also how fine patches have to be and what was claimed of their error: near the body that the study was made of the light is right within its
+    /// reflectances is that of the body which stands in place, also how fine patches have to be and what was claimed of their error: near that body the light is right within its
     /// tolerance, and a study that is made anew of the last body says how far. Another body is put in place as by [`Study::set_target`].
     ///
     /// # Errors
     /// The errors of [`Study::set_target`] and [`Study::term_rates`].
     pub fn bounced_of(&mut self, target: Target) -> Result<TermRates, PassError> {
-        let like = self.recoloured.take();
         let own = &self.pass.target;
         let same = own.parts == target.parts && own.hinges == target.hinges;
-        let engine =
-            same.then(|| like.as_ref().unwrap_or(&self.engine).bounced_of(&target.materials));
+        let engine = same.then(|| self.engine.bounced_of(&target.materials));
         let Some(engine) = engine.flatten() else {
             self.set_target(target)?;
             let mut rates = self.term_rates()?;
@@ -142,9 +137,7 @@ impl Study {
         let lit = engine.lit_terms();
         let weights = self.indirect_by(&engine)?;
         let rows = weights.par_iter().enumerate().map(|(i, own)| self.row(i, &own[..lit]));
-        let rates = self.gathered(&self.exposures.means(rows.collect()));
-        self.recoloured = Some(engine);
-        Ok(rates)
+        Ok(self.gathered(&self.exposures.means(rows.collect())))
     }
 
     /// Puts another body in place. Integrals over wavelength are taken anew only where reflectances differ.
@@ -152,7 +145,6 @@ impl Study {
     /// # Errors
     /// [`PassError::Target`], and as [`Pass::simulate`] for its spectra; the study then keeps its former body.
     pub fn set_target(&mut self, target: Target) -> Result<(), PassError> {
-        self.recoloured = None;
         let former = std::mem::replace(&mut self.pass.target, target);
         let mut replace = || -> Result<(), PassError> {
             let course = self.course.get_or_insert_with(|| course(&self.pass, &self.places));
