@@ -12,7 +12,7 @@ use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::fred::{FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::ZemaxBsdf;
 use sunglint_formats::{Meta, ParseError};
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::{median, quantile};
 use sunglint_simulator::surface::MaterialError;
 use sunglint_simulator::surface::brdf_table::{self, Row};
 use sunglint_simulator::surface::measured::{self, WriteOptions};
@@ -317,7 +317,17 @@ impl Grid {
     }
 }
 
-/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives. Angles may be rounded, to 0.01°. A TIS that was read is kept.
+/// The value at a place of an azimuth that has none, from its neighbours on both sides: ln f is straight over the angle. None at the ends.
+fn interpolated(radial_deg: &[f64], along: &[Option<f64>], at: usize) -> Option<f64> {
+    let beside = |k: &usize| along[*k].map(|v| (radial_deg[*k], v.ln()));
+    let before = (0..at).rev().find_map(|k| beside(&k))?;
+    let after = (at + 1..along.len()).find_map(|k| beside(&k))?;
+    let part = (radial_deg[at] - before.0) / (after.0 - before.0);
+    Some((before.1 + part * (after.1 - before.1)).exp())
+}
+
+/// Values as Zemax reads them, from directions on a grid about the mirrored ray, such as a file of Zemax's gives. Angles may be rounded, to 0.01°. A TIS that was read is kept. A place between measured ones of its azimuth that has no value
+/// gets one by interpolation, and a comment counts these; beyond the last one the value is 0, as such files write what was not measured.
 ///
 /// # Errors
 /// Directions that are no such grid, several azimuths of incidence, samples too far apart for a TIS where none was read.
@@ -349,7 +359,7 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
         }
     }
     let incidences: BTreeSet<i64> = placed.iter().map(|p| p.theta).collect();
-    let (mut tis, mut value_per_sr) = (Vec::new(), Vec::new());
+    let (mut tis, mut value_per_sr, mut filled) = (Vec::new(), Vec::new(), 0);
     for theta in &incidences {
         let theta_deg = *theta as f64 / 1e6;
         // At normal incidence all azimuths are alike of a table with one azimuth of incidence.
@@ -366,11 +376,15 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
         }
         let (mut o, mut known) = (Vec::new(), Vec::new());
         for (a, azimuth_deg) in grid.azimuth_deg.iter().enumerate() {
+            let along: Vec<Option<f64>> = (0..radials).map(|r| of_azimuth(a, r)).collect();
             for (r, radial_deg) in grid.radial_deg.iter().enumerate() {
-                let value = of_azimuth(a, r);
+                // A zero between values would be a hole in the light.
+                let between = || interpolated(&grid.radial_deg, &along, r);
+                let value = along[r].or_else(between);
+                filled += usize::from(along[r].is_none() && value.is_some());
                 value_per_sr.push(value.unwrap_or(0.0));
                 // On the mirrored ray all azimuths are one direction.
-                if let Some(value) = value.filter(|_| a == 0 || *radial_deg != 0.0) {
+                if let Some(value) = along[r].filter(|_| a == 0 || *radial_deg != 0.0) {
                     o.push(about_mirrored(theta_deg, *azimuth_deg, *radial_deg));
                     known.push(value);
                 }
@@ -383,8 +397,15 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
             None => return Err(WriteError::NotResolved { theta_i_deg: theta_deg }),
         });
     }
+    let mut comments = vec![format!("{} nm, written by sunglint", samples.wavelength_nm[column])];
+    if filled > 0 {
+        let all = value_per_sr.iter().filter(|v| **v > 0.0).count();
+        comments.push(format!(
+            "{filled} of {all} values were not measured: each is interpolated (ln f, straight over the angle) between its neighbours along an azimuth"
+        ));
+    }
     Ok(ZemaxBsdf {
-        comments: vec![format!("{} nm, written by sunglint", samples.wavelength_nm[column])],
+        comments,
         source: "Measured".into(),
         plane_symmetrical: true,
         transmitted: false,
@@ -396,11 +417,29 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
     })
 }
 
-/// Values as a tensor file of the RGL kind, which Mitsuba 3 reads: interpolated as a table is ([`sunglint_simulator::surface::brdf_table`]), at the file's own directions.
+/// A tensor file of the RGL kind, and how it gives the values from which it was made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rgl {
+    /// The file.
+    pub file: TensorFile,
+    /// Values of the samples that are compared: those above a thousandth of their incidence's largest.
+    pub compared: usize,
+    /// Median of |ln(file / sample)| over them.
+    pub median_ln: f64,
+    /// The 95 % point of it.
+    pub most_ln: f64,
+}
+
+/// The 95 % point of ln f at which a file is fine enough.
+const FINE_LN: f64 = 0.01;
+/// Elevations, nodes of the densities and side of the grid, coarse to fine (up to 12 MB a wavelength): the first that is fine enough is taken, or the best.
+const FINENESS: [(usize, usize, usize); 3] = [(24, 128, 64), (48, 192, 128), (90, 256, 180)];
+
+/// Values as a tensor file of the RGL kind, which Mitsuba 3 reads: interpolated as a table is ([`sunglint_simulator::surface::brdf_table`]), at the file's own directions. It is made as fine as the samples need, and says how well it gives them.
 ///
 /// # Errors
 /// Values that make no table; a tangent that the file's quarter of the azimuths does not hold.
-pub fn to_rgl(samples: &Samples) -> Result<TensorFile, MaterialError> {
+pub fn to_rgl(samples: &Samples) -> Result<Rgl, MaterialError> {
     let row = |s: &Sample| Row {
         theta_i_deg: s.theta_i_deg,
         phi_i_deg: s.phi_i_deg,
@@ -411,5 +450,52 @@ pub fn to_rgl(samples: &Samples) -> Result<TensorFile, MaterialError> {
     let known = |s: &&Sample| s.brdf_per_sr.iter().all(|v| v.is_finite() && *v >= 0.0);
     let rows: Vec<Row> = samples.rows.iter().filter(known).map(row).collect();
     let table = brdf_table::material("table", &samples.wavelength_nm, &rows, None)?;
-    measured::write(&table, &WriteOptions::at(samples.wavelength_nm.clone()))
+    // An anisotropic file has nine azimuths, each as large.
+    let finest = if samples.has_azimuths() { 1 } else { FINENESS.len() };
+    let made = |(elevations, normals, side): (usize, usize, usize)| {
+        let at = WriteOptions::at(samples.wavelength_nm.clone());
+        let file = measured::write(&table, &WriteOptions { elevations, normals, side, ..at })?;
+        compared(samples, file)
+    };
+    let mut best = made(FINENESS[0])?;
+    for finer in &FINENESS[1..finest] {
+        if best.most_ln <= FINE_LN {
+            break;
+        }
+        let found = made(*finer)?;
+        if found.most_ln < best.most_ln {
+            best = found;
+        }
+    }
+    Ok(best)
+}
+
+/// Compares what a file gives with the samples.
+fn compared(samples: &Samples, file: TensorFile) -> Result<Rgl, MaterialError> {
+    let read = measured::material("written", "the file that was made", &file).map_err(|e| {
+        let expected = "a file that can be read".to_owned();
+        MaterialError::Data { what: "the RGL file".to_owned(), found: e.to_string(), expected }
+    })?;
+    let mut largest: std::collections::BTreeMap<(i64, usize), f64> =
+        std::collections::BTreeMap::new();
+    let key = |s: &Sample, k: usize| ((s.theta_i_deg.abs() * 1e6).round() as i64, k);
+    for row in &samples.rows {
+        for (k, value) in row.brdf_per_sr.iter().enumerate().filter(|v| v.1.is_finite()) {
+            let most = largest.entry(key(row, k)).or_default();
+            *most = most.max(*value);
+        }
+    }
+    let mut off = Vec::new();
+    for row in &samples.rows {
+        let (i, o) = row.directions();
+        for (k, value) in row.brdf_per_sr.iter().enumerate().filter(|v| v.1.is_finite()) {
+            if *value > 1e-3 * largest[&key(row, k)] {
+                let found = read.brdf(samples.wavelength_nm[k], i, o);
+                off.push((found.max(1e-12 * value) / value).ln().abs());
+            }
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    let point = |part: f64| if off.is_empty() { 0.0 } else { quantile(&off, part) };
+    Ok(Rgl { compared: off.len(), median_ln: point(0.5), most_ln: point(0.95), file })
 }

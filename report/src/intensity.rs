@@ -47,12 +47,16 @@ impl IntensityReport<'_> {
         let column = |name: &str, unit, f: &dyn Fn(usize) -> f64| {
             Column::f64(name, Some(unit), (0..light.len()).map(f).collect())
         };
-        let columns = vec![
+        let mut columns = vec![
             column("wavelength_nm", "nm", &|s| light[s].wavelength_nm),
             column("per_irradiance_m2_per_sr", "m2 / sr", &|s| light[s].per_irradiance_m2_per_sr),
             column("error_m2_per_sr", "m2 / sr", &|s| light[s].error_m2_per_sr),
             column("intensity_w_per_sr_nm", "W / (sr nm)", &|s| light[s].intensity_w_per_sr_nm),
         ];
+        if self.all.has_material_doubt() {
+            let half = |s: usize| light[s].material_m2_per_sr.unwrap_or(f64::NAN);
+            columns.push(column("material_m2_per_sr", "m2 / sr", &half));
+        }
         let table = Table { columns, ..Table::default() };
         let json = serde_json::to_value(document)?;
         Ok(Product { name: "light".into(), table, json, ..Product::default() })
@@ -104,6 +108,19 @@ impl IntensityReport<'_> {
             let _ =
                 writeln!(text, "  d(I/E)/d ln(albedo of {}): {}", by.material, values.join(", "));
         }
+        let half = light.light.iter().filter_map(|at| {
+            let share = at.material_m2_per_sr? / at.per_irradiance_m2_per_sr;
+            Some(format!("{} at {} nm", percent(share), at.wavelength_nm))
+                .filter(|_| share.is_finite())
+        });
+        let half: Vec<String> = half.collect();
+        if !half.is_empty() {
+            let _ = writeln!(
+                text,
+                "\nthe materials are known to (95 %): {}; not in the stated error",
+                half.join(", ")
+            );
+        }
         let asked = percent(options.tolerance);
         let stated = light.stated_relative.map_or("no light".into(), percent);
         let _ = match light.limited_by {
@@ -121,6 +138,9 @@ pub fn header(all: &Intensities) -> String {
     let mut text = "phase_deg,stated_relative,met,limited_by".to_owned();
     for nm in &all.options().wavelength_nm {
         let _ = write!(text, ",i_{nm}nm_m2_per_sr,error_{nm}nm_m2_per_sr");
+        if all.has_material_doubt() {
+            let _ = write!(text, ",material_{nm}nm_m2_per_sr");
+        }
     }
     text.push('\n');
     text
@@ -133,6 +153,9 @@ pub fn row(light: &Intensity, text: &mut String) {
     let _ = write!(text, "{},{stated},{},{limit}", light.phase_deg, light.met);
     for at in &light.light {
         let _ = write!(text, ",{},{}", at.per_irradiance_m2_per_sr, at.error_m2_per_sr);
+        if let Some(half) = at.material_m2_per_sr {
+            let _ = write!(text, ",{half}");
+        }
     }
     text.push('\n');
 }

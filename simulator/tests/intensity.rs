@@ -243,3 +243,31 @@ fn an_observer_inside_the_body_is_refused() {
         }
     }
 }
+
+/// Truth: Russell's Lambert sphere. A material that is known to a factor of e^0.3 in all directions (95 %) sends up to e^0.3 − 1 of its light more; the sphere beside it, whose material says
+/// nothing, adds no doubt. Tolerance: the 1 % to which the doubt is worked out.
+#[test]
+fn what_materials_say_of_themselves_is_stated() {
+    let text = "[[part]]\nname = \"a\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"known\"\n[[part]]\nname = \"b\"\nshape = \"sphere\"\nradius_m = 0.5\ncenter_m = [0.0, 0.0, 9.0]\nmaterial = \"fitted\"\n\
+        [[material]]\nname = \"known\"\nmodel = \"lambert\"\nreflectance = 0.2\n[[material]]\nname = \"fitted\"\nmodel = \"composite\"\ndiffuse = { reflectance = 0.4 }\n\
+        [material.doubt]\npeak_ln = 0.3\nwings_ln = 0.3\ngrazing_ln = 0.3\n";
+    let target = Target::parse(Path::new("two.toml"), text).unwrap();
+    for deg in [10.0, 60.0, 110.0_f64] {
+        let gamma = deg.to_radians();
+        let aspect = Aspect::new(DVec3::new(gamma.cos(), gamma.sin(), 0.0), DVec3::X);
+        let sphere = |albedo: f64| {
+            2.0 * albedo * 0.25 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
+        };
+        for options in [direct(), IntensityOptions::default()] {
+            let all = prepared(&target, options, &[aspect]);
+            let at = all.worker().light(&aspect).unwrap().light[0].clone();
+            let off = (at.per_irradiance_m2_per_sr - sphere(0.6)).abs();
+            assert!(off <= at.error_m2_per_sr + 1e-3 * sphere(0.6), "{at:?}");
+            let (half, truth) = (at.material_m2_per_sr.unwrap(), 0.3_f64.exp_m1() * sphere(0.4));
+            assert!((half / truth - 1.0).abs() < 0.01, "{half} {truth}");
+        }
+    }
+    let plain = prepared(&sphere(), direct(), &[Aspect::new(DVec3::X, DVec3::Y)]);
+    let light = plain.worker().light(&Aspect::new(DVec3::X, DVec3::Y)).unwrap();
+    assert!(!plain.has_material_doubt() && light.light[0].material_m2_per_sr.is_none());
+}

@@ -13,7 +13,9 @@ use sunglint_materials::ingest::file::ingest_file;
 use sunglint_materials::ingest::once;
 use sunglint_materials::{exchange, read};
 use sunglint_report::brdf::goniometer as show;
-use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, table_product, table_text, text};
+use sunglint_report::brdf::ingest::{
+    MOST_IN_TEXT, product, rgl_text, table_product, table_text, text,
+};
 
 /// Arguments of `sunglint brdf ingest`.
 #[derive(Debug, Args)]
@@ -108,6 +110,9 @@ fn table(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     if let Some(path) = &args.zemax {
         let made = exchange::to_zemax(&samples, 0);
         let made = made.with_context(|| args.file.display().to_string())?;
+        for note in made.comments.iter().skip(1) {
+            console.warn(&format!("{}: {note}", path.display()));
+        }
         others.push((path.clone(), zemax::to_string(&made).into_bytes()));
     }
     let format = read::exchange_format(&args.file);
@@ -116,7 +121,11 @@ fn table(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
             Some(Exchange::Rgl) => TensorFile::read(&args.file)?.to_bytes(),
             _ => {
                 let made = exchange::to_rgl(&samples);
-                made.with_context(|| args.file.display().to_string())?.to_bytes()
+                let made = made.with_context(|| args.file.display().to_string())?;
+                if let Some(text) = rgl_text(&made) {
+                    console.warn(&format!("{}: {text}", path.display()));
+                }
+                made.file.to_bytes()
             }
         };
         let bytes = bytes.with_context(|| args.file.display().to_string())?;

@@ -414,10 +414,18 @@ pub fn reduce(
             );
         }
     }
+    let beam_sigma = found.map_or(WITHOUT_SIGNATURE, |s| s.captured_sigma);
+    if found.is_some_and(|s| s.centre_out_deg.is_none()) {
+        for text in missing.iter_mut().filter(|m| m.starts_with("the signature across")) {
+            *text += &format!(
+                ": the beam is taken to be half to twice as wide there as in the plane, ± {:.2} % in scale_sigma",
+                100.0 * beam_sigma
+            );
+        }
+    }
     for what in &missing {
         warnings.push(format!("not measured: {what}"));
     }
-    let beam_sigma = found.map_or(WITHOUT_SIGNATURE, |s| s.captured_sigma);
     let scale_sigma = bench
         .stop_sigma
         .hypot(bench.beam.filter_relative_sigma.get())

@@ -674,6 +674,21 @@ fn real(file: &str) -> Option<PathBuf> {
     shared(&format!("real/{file}"))
 }
 
+/// Truth: GGX over Lambert (synthetic), once measured to 80° and once to 60° only. Where no sample is grazing, nothing tells how far off the law is there: at least a factor of e.
+#[test]
+fn regions_without_samples_are_doubtful() {
+    let law = ggx(0.4, 0.2, 0.2, false, 0.1);
+    let mut samples = table(&law, &[10.0, 30.0, 45.0, 60.0], &[180.0], 0.02, 5);
+    let mut options = pointwise();
+    options.recipes = vec![recipe(&[Kind::Ggx], Floor::Lambert)];
+    let whole = fit_surface(&samples, &options, &Silent).unwrap();
+    assert!(whole.rms_ln.grazing.is_some() && whole.doubt.grazing_ln < 0.5, "{:?}", whole.doubt);
+    samples.rows.retain(|row| row.theta_o_deg.abs() <= 60.0);
+    let part = fit_surface(&samples, &options, &Silent).unwrap();
+    assert!(part.rms_ln.grazing.is_none() && part.doubt.grazing_ln >= 1.0, "{:?}", part.doubt);
+    assert!(part.doubt.wings_ln < 0.5, "{:?}", part.doubt);
+}
+
 /// Truth: the measured values. Solar array and chassis of a Starlink satellite (532 nm) and a black coat (650 nm); the figures are those that the issue asks for, the black coat's
 /// misfit of 0.10 is missed by a tenth.
 #[test]
@@ -900,6 +915,74 @@ fn a_grid_of_rounded_angles_is_written_for_zemax() {
     // What lies about no grid is none, and its count is that of the table.
     let error = exchange::to_zemax(&lobe_table(8, 0.3), 0).unwrap_err().to_string();
     assert!(error.contains("no grid") && error.contains("write FRED's"), "{error}");
+}
+
+/// Truth: f = 2 e^(−radial/15°) (synthetic), measured in the plane of incidence every 5°; of two incidences that are 2.5° off each other no angle about the mirrored ray is the other's. Places between measured ones are on
+/// the straight line of ln f, which is the law itself, to 1e-6; beyond the last one there is 0; the comment counts them.
+#[test]
+fn zemax_files_have_no_holes_between_measured_angles() {
+    let law = |radial_deg: f64| 2.0 * (-radial_deg / 15.0).exp();
+    let mut rows = Vec::new();
+    for theta in [20.0, 42.5, 60.0] {
+        for theta_o in (-80..=80).step_by(5).map(f64::from) {
+            rows.push(Sample {
+                theta_i_deg: theta,
+                phi_i_deg: 180.0,
+                theta_o_deg: theta_o,
+                phi_o_deg: 0.0,
+                brdf_per_sr: vec![law((theta_o - theta).abs())],
+                sigma_per_sr: Vec::new(),
+            });
+        }
+        // The mirrored ray itself, so that no place beside it lies beyond the first.
+        let seen = Sample { theta_o_deg: theta, brdf_per_sr: vec![law(0.0)], ..rows[0].clone() };
+        if theta == 42.5 {
+            rows.push(Sample { theta_i_deg: theta, ..seen });
+        }
+    }
+    let mut meta = sunglint_formats::Meta::new();
+    meta.insert("tis".into(), serde_json::json!([[20.0, 0.5], [42.5, 0.5], [60.0, 0.5]]));
+    let samples = Samples { wavelength_nm: vec![550.0], rows, meta };
+    let file = exchange::to_zemax(&samples, 0).unwrap();
+    let (azimuths, radials) = (file.azimuth_deg.len(), file.radial_deg.len());
+    assert_eq!(file.azimuth_deg, [0.0, 180.0]);
+    let mut at_0 = 0;
+    for (t, theta) in file.incidence_deg.iter().enumerate() {
+        for (a, azimuth) in file.azimuth_deg.iter().enumerate() {
+            // The azimuth 0 leads through the normal to the side that the light comes from.
+            let most = if *azimuth == 0.0 { 80.0 + theta } else { 80.0 - theta };
+            for (r, radial) in file.radial_deg.iter().enumerate() {
+                let value = file.value_per_sr[(t * azimuths + a) * radials + r];
+                if *radial <= most + 1e-6 {
+                    assert!((value / law(*radial) - 1.0).abs() < 1e-6, "{theta} {radial} {value}");
+                } else {
+                    assert_eq!(value, 0.0);
+                    at_0 += 1;
+                }
+            }
+        }
+    }
+    assert!(at_0 > 10 && file.comments[1].contains("were not measured"), "{:?}", file.comments);
+}
+
+/// Truth: GGX 0.2 over Lambert from the formula (synthetic). What the written tensor file gives at the samples is as far from them as is said, and 95 of 100 are within 3 %; it is
+/// asked of the samples' formula, not of the table that was written. Mitsuba evaluates files of the same writer in other tests.
+#[test]
+fn tensor_files_say_how_well_they_give_the_samples() {
+    let law = ggx(0.4, 0.2, 0.2, false, 0.1);
+    let samples = table(&law, &[0.0, 15.0, 30.0, 45.0, 60.0, 75.0], &[180.0, 90.0, 45.0], 0.0, 3);
+    let made = exchange::to_rgl(&samples).unwrap();
+    let read = sunglint_simulator::surface::measured::material("m", "m.bsdf", &made.file).unwrap();
+    let mut off: Vec<f64> = Vec::new();
+    for row in &samples.rows {
+        let (i, o) = row.directions();
+        off.push((read.brdf(550.0, i, o) / law(i, o)).ln().abs());
+    }
+    off.sort_by(f64::total_cmp);
+    let most = off[off.len() * 95 / 100];
+    eprintln!("{made:?}", made = (made.compared, made.median_ln, made.most_ln));
+    assert!(made.compared == off.len() && (most / made.most_ln - 1.0).abs() < 0.05, "{most}");
+    assert!(most < 0.03, "{most}");
 }
 
 /// Truth: f cos θ_o of a Lambert surface (synthetic): its largest value is at the same angle from the normal on both sides, for every incidence, and no detector was at its end.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
 use sunglint_formats::text::counted;
-use sunglint_materials::exchange::Exchange;
+use sunglint_materials::exchange::{Exchange, Rgl};
 use sunglint_materials::ingest::Ingested;
 use sunglint_materials::ingest::file::IngestedFile;
 use sunglint_materials::samples::Samples;
@@ -81,6 +81,20 @@ pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
         );
     }
     text
+}
+
+/// A warning where a file of the RGL kind does not give the values from which it was made within 1 %.
+#[must_use]
+pub fn rgl_text(made: &Rgl) -> Option<String> {
+    let percent = |ln: f64| (1e4 * ln.exp_m1()).round() / 100.0;
+    (made.most_ln > 0.01).then(|| {
+        format!(
+            "a file of the RGL kind has directions of its own: half of the {} values above a thousandth of their peak are given within {} %, 95 of 100 within {} %",
+            made.compared,
+            percent(made.median_ln),
+            percent(made.most_ln)
+        )
+    })
 }
 
 fn incidences(samples: &Samples) -> Vec<f64> {

@@ -171,6 +171,10 @@ pub fn colour(colour: &Coloured) -> Product {
 pub fn text(fit: &SurfaceFit, toml: &str) -> String {
     let mut text = String::new();
     let part = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
+    let doubt = |ln: f64, seen: Option<f64>| match seen {
+        Some(_) => format!("{ln:.2}"),
+        None => format!("{ln:.2} (nothing was measured there)"),
+    };
     let _ = writeln!(
         text,
         "{} through {} values at {} nm, seen through {}° (detector) and {}° (source)",
@@ -189,8 +193,10 @@ pub fn text(fit: &SurfaceFit, toml: &str) -> String {
     );
     let _ = writeln!(
         text,
-        "doubt of ln f (95 %, from incidences left out): peak {:.2}, wings {:.2}, grazing {:.2}\n",
-        fit.doubt.peak_ln, fit.doubt.wings_ln, fit.doubt.grazing_ln
+        "doubt of ln f (95 %, from incidences left out): peak {}, wings {}, grazing {}\n",
+        doubt(fit.doubt.peak_ln, fit.rms_ln.peak),
+        doubt(fit.doubt.wings_ln, fit.rms_ln.wings),
+        doubt(fit.doubt.grazing_ln, fit.rms_ln.grazing)
     );
     let _ = writeln!(
         text,

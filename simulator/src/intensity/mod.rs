@@ -16,7 +16,8 @@ use crate::light::{
     Source, Term, View,
 };
 use crate::pass::light_name;
-use crate::surface::is_uncovered;
+use crate::pass::material::{DOUBT_TOLERANCE, doubted};
+use crate::surface::{MaterialError, is_uncovered};
 use crate::target::Target;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -229,6 +230,9 @@ pub enum IntensityError {
     /// A target that the engine refuses.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A material that cannot be made.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
     /// A wavelength that a material's tables do not cover.
     #[error(
         "the material {material} is tabulated from {from_nm} to {to_nm} nm: there is no light at {nm} nm"
@@ -273,8 +277,11 @@ pub struct At {
     pub wavelength_nm: f64,
     /// Radiant intensity over the Sun's irradiance, m² sr⁻¹.
     pub per_irradiance_m2_per_sr: f64,
-    /// Stated error of the light, a bound.
+    /// Stated error of the light, a bound; how well the materials are known is not in it.
     pub error_m2_per_sr: f64,
+    /// Half-width of the 95 % interval that the light has by what the materials say of themselves ([`crate::surface::Material::ln_doubt`]), from direct sunlight, all directions of a material off alike; none where no material says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material_m2_per_sr: Option<f64>,
     /// Spectral radiant intensity under the Sun's irradiance (ASTM G173-03) at its distance, W sr⁻¹ nm⁻¹.
     pub intensity_w_per_sr_nm: f64,
 }
@@ -326,6 +333,8 @@ pub struct Intensities {
     sun: Vec<f64>,
     /// Terms whose weight says that geometries were not measured.
     uncovered: Vec<usize>,
+    /// The target with the doubt of one material in place of its light and the others black, material by material.
+    doubted: Vec<Intensities>,
 }
 
 impl Intensities {
@@ -334,6 +343,23 @@ impl Intensities {
     /// # Errors
     /// [`IntensityError`]: a target that the engine refuses, a wavelength without tables, derivatives of what is not linear.
     pub fn new(
+        target: &Target,
+        options: IntensityOptions,
+        span: &Span,
+    ) -> Result<Self, IntensityError> {
+        let mut made = Self::alone(target, options, span)?;
+        let switches = Switches { solar_disc: made.options.switches.solar_disc, ..Switches::OFF };
+        let tolerance = made.options.tolerance.max(DOUBT_TOLERANCE);
+        let options =
+            IntensityOptions { tolerance, switches, derivatives: false, ..made.options.clone() };
+        for (_, body) in doubted(target)? {
+            made.doubted.push(Self::alone(&body, options.clone(), span)?);
+        }
+        Ok(made)
+    }
+
+    /// The same without the doubt of the materials.
+    fn alone(
         target: &Target,
         options: IntensityOptions,
         span: &Span,
@@ -369,12 +395,18 @@ impl Intensities {
         let terms = engine.terms().iter().enumerate();
         let marks = terms.filter(|(_, term)| is_uncovered(term.spectrum.range_nm()));
         let uncovered = marks.map(|(k, _)| k).collect();
-        Ok(Self { engine, options, materials, tau, sun, uncovered })
+        let doubted = Vec::new();
+        Ok(Self { engine, options, materials, tau, sun, uncovered, doubted })
     }
 
     /// Returns the target's needs, effect by effect. The Earth's shadow is none of them: the body is in full sunlight.
     pub fn needs(&self) -> Vec<Need> {
         self.engine.needs().iter().filter(|need| need.effect != "eclipse").cloned().collect()
+    }
+
+    /// Whether a material says how well it is known, so that the light has [`At::material_m2_per_sr`].
+    pub fn has_material_doubt(&self) -> bool {
+        !self.doubted.is_empty()
     }
 
     /// Warnings about the target.
@@ -407,7 +439,8 @@ impl Intensities {
     pub fn worker(&self) -> IntensityWorker<'_> {
         let row = vec![0.0; self.engine.terms().len()];
         let worker = self.engine.worker();
-        IntensityWorker { all: self, worker, weights: row.clone(), errors: row }
+        let doubted = self.doubted.iter().map(Self::worker).collect();
+        IntensityWorker { all: self, worker, weights: row.clone(), errors: row, doubted }
     }
 }
 
@@ -417,6 +450,7 @@ pub struct IntensityWorker<'a> {
     worker: engine::Worker<'a>,
     weights: Vec<f64>,
     errors: Vec<f64>,
+    doubted: Vec<IntensityWorker<'a>>,
 }
 
 /// Error of light that is not there, sr⁻¹ of the body's area, that is none: 3e-9 of white paint.
@@ -540,12 +574,21 @@ impl IntensityWorker<'_> {
         let lighting = aspect.lighting();
         self.weigh(aspect, &lighting)?;
         let count = self.all.sun.len();
+        let mut material = vec![0.0_f64; count];
+        for doubted in &mut self.doubted {
+            doubted.weigh(aspect, &lighting)?;
+            for (s, sum) in material.iter_mut().enumerate() {
+                *sum = sum.hypot(doubted.sums(s).0);
+            }
+        }
+        let has_doubt = self.all.has_material_doubt();
         let at = |s: usize| {
             let (light, error) = self.sums(s);
             At {
                 wavelength_nm: self.all.options.wavelength_nm[s],
                 per_irradiance_m2_per_sr: light,
                 error_m2_per_sr: error,
+                material_m2_per_sr: has_doubt.then(|| material[s]),
                 intensity_w_per_sr_nm: self.all.intensity(s, aspect, light),
             }
         };

@@ -3,6 +3,7 @@
 use super::{Pass, PassError, Progress, Simulation, StatedError};
 use crate::light::engine::Switches;
 use crate::surface::{Material, MaterialError};
+use crate::target::Target;
 use sunglint_numerics::order::RunningMedian;
 
 /// Half-widths of the 95 % intervals that a body's light has by the doubt of one material, all directions off alike.
@@ -45,13 +46,24 @@ impl MaterialDoubt {
 
 /// The place of V among the bands.
 const V: usize = 2;
+/// Tolerance of the light by a doubted material: an error of an error.
+pub(crate) const DOUBT_TOLERANCE: f64 = 1e-2;
 
-fn black(name: &str) -> Result<Material, PassError> {
-    let wrong = |error: MaterialError| PassError::Input {
-        needs: "a black material",
-        found: error.to_string(),
-    };
-    Material::black(name).map_err(wrong)
+/// The body for each of its materials that says how well it is known ([`Material::ln_doubt`]): with that doubt in place of its light, the others black. Light of these bodies is the half-width of the 95 % interval.
+pub(crate) fn doubted(target: &Target) -> Result<Vec<(String, Target)>, MaterialError> {
+    let mut found = Vec::new();
+    for (k, material) in target.materials.iter().enumerate() {
+        let Some(doubted) = material.doubted() else { continue };
+        if !target.parts.iter().any(|p| p.material == k) {
+            continue;
+        }
+        let mut alone = target.clone();
+        for (other, material) in alone.materials.iter_mut().enumerate() {
+            *material = if other == k { doubted.clone() } else { Material::black(&material.name)? };
+        }
+        found.push((doubted.name, alone));
+    }
+    Ok(found)
 }
 
 /// Light of a body by one doubted material, the others black.
@@ -74,21 +86,17 @@ impl Light {
 impl Pass {
     /// The pass by direct sunlight for each material that says how well it is known, with its doubt in place of its light and the others black.
     pub(super) fn doubted(&self) -> Result<Vec<(String, Pass)>, PassError> {
-        let target = &self.target;
+        let wrong = |error: MaterialError| PassError::Input {
+            needs: "a black material",
+            found: error.to_string(),
+        };
         let mut passes = Vec::new();
-        for (k, material) in target.materials.iter().enumerate() {
-            let Some(doubted) = material.doubted() else { continue };
-            if !target.parts.iter().any(|p| p.material == k) {
-                continue;
-            }
+        for (name, target) in doubted(&self.target).map_err(wrong)? {
             let mut alone: Pass = self.clone();
-            for (other, material) in alone.target.materials.iter_mut().enumerate() {
-                *material = if other == k { doubted.clone() } else { black(&material.name)? };
-            }
+            alone.target = target;
             alone.effects = Switches { solar_disc: self.effects.solar_disc, ..Switches::OFF };
-            // An error of an error.
-            alone.tolerance = alone.tolerance.max(1e-2);
-            passes.push((doubted.name, alone));
+            alone.tolerance = alone.tolerance.max(DOUBT_TOLERANCE);
+            passes.push((name, alone));
         }
         Ok(passes)
     }

@@ -41,7 +41,7 @@ pub mod exposure;
 pub mod file;
 mod functionals;
 mod keys;
-mod material;
+pub(crate) mod material;
 mod moments;
 mod observation;
 mod pieces;

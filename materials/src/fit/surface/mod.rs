@@ -38,7 +38,7 @@ use sunglint_simulator::surface::MaterialError;
 const LEAST_VALUES: usize = 5;
 /// Incidences below which it is said that there are few.
 const FEW_INCIDENCES: usize = 3;
-/// Part of the doubt of ln f of a law from one incidence, at others.
+/// Part of the doubt of ln f of a law from one incidence, at others; and where no sample lies.
 const UNKNOWN_LN: f64 = 1.0;
 /// Errors in proportion to the value: with which a search begins, and which are possible.
 const RELATIVE: f64 = 0.1;
@@ -118,7 +118,7 @@ pub struct Rms {
     pub grazing: Option<f64>,
 }
 
-/// Half-widths of the 95 % intervals of ln f.
+/// Half-widths of the 95 % intervals of ln f; of a region without a sample (see [`Rms`]) that of all others and a factor of e.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Doubt {
     /// Up to 3° from the mirrored direction.
@@ -880,9 +880,11 @@ fn doubt(candidate: &Candidate, incidences: &[Incidence], raw: &[f64]) -> Doubt 
     own.sort_by(f64::total_cmp);
     let of_fit = quantile(&own, 0.95);
     let of = |region: Region| {
+        // Of a region without a sample no error is known that a law makes there.
+        let is_seen = incidences.iter().any(|i| i.region.contains(&region));
         let found = point(Some(region), any).or_else(|| point(Some(region), false));
-        let unknown = || if candidate.folds.is_empty() { UNKNOWN_LN } else { 0.0 };
-        found.or_else(|| point(None, false)).unwrap_or_else(|| of_fit.hypot(unknown()))
+        let unknown = if candidate.folds.is_empty() || !is_seen { UNKNOWN_LN } else { 0.0 };
+        found.unwrap_or_else(|| point(None, false).unwrap_or(of_fit).hypot(unknown))
     };
     Doubt {
         peak_ln: of(Region::Peak),
