@@ -18,6 +18,9 @@ pub struct ExplainArgs {
     /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, value_parser = tolerance)]
     pub tolerance: Option<f64>,
+    /// Work that an epoch's light between surfaces may cost, in place of the file's [default: 0.01]
+    #[arg(long, value_name = "CPU_S", allow_negative_numbers = true, value_parser = budget)]
+    pub budget: Option<f64>,
     /// Which station, in place of the file's.
     #[command(flatten)]
     pub station: StationArgs,
@@ -45,7 +48,8 @@ pub fn budget(text: &str) -> Result<f64, String> {
 /// Says what a pass needs.
 pub fn run(args: &ExplainArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    let overrides = Overrides { tolerance: args.tolerance, ..Overrides::default() };
+    let overrides =
+        Overrides { tolerance: args.tolerance, budget_s: args.budget, ..Overrides::default() };
     let pass = read(&args.pass, &args.station, overrides)?;
     let explanation = pass.explain().with_context(|| args.pass.display().to_string())?;
     for warning in pass.warnings.iter().chain(&explanation.scene.warnings) {

@@ -10,6 +10,7 @@ use super::orders::{Found, Orders};
 use super::patches::Patches;
 use super::paths::{Paths, Sums, mixed};
 use super::pilot::{Pair, Pilot, TOGETHER};
+use super::still::Effort;
 use super::surfaces::Surfaces;
 use super::tracing::Plan;
 use super::transport::{Between, Exchange, LEAST_OPEN, MOST_RAYS, SCRAMBLES};
@@ -27,8 +28,6 @@ const AGREEING: u32 = 512;
 const MOST_CHORDS: usize = 1 << 20;
 /// Rays of all diffuse patches at most, where some are followed further: a second.
 const MOST_FOLLOWED: usize = 1 << 21;
-/// Rays of rough patches that meet anything, at most: they take most of the time of an epoch, some nanoseconds each.
-const MOST_MEETINGS: usize = 200_000;
 
 /// Patches on trial.
 pub struct Draft<'a> {
@@ -125,15 +124,15 @@ impl<'a> Draft<'a> {
         self.patched.areas = [fine.collect(), coarse];
     }
 
-    /// Twice as many directions, as long as materials are asked for `most_asked` of them at most in each epoch, and there are not too many otherwise.
-    pub fn more_chords(&self, chords: u32, most_asked: usize) -> u32 {
+    /// Twice as many directions, as long as an epoch's effort allows it, and there are not too many otherwise.
+    pub fn more_chords(&self, chords: u32, effort: &Effort) -> u32 {
         let patches = &self.patched.patches;
         let rough = patches.list.len() - patches.diffuse[0];
         let more = 2 * chords;
         let Patched { chords: now, .. } = &self.patched;
         let many = rough * SCRAMBLES * more as usize > MOST_CHORDS
-            || 2 * now.meetings() > MOST_MEETINGS
-            || 2 * now.asked() > most_asked;
+            || 2 * now.meetings() > effort.meetings
+            || 2 * now.asked() > effort.asked;
         if many { chords } else { more }
     }
 

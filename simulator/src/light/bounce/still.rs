@@ -23,8 +23,6 @@ use std::sync::Arc;
 
 /// More surfaces than this are left to paths.
 const MOST_SURFACES: usize = 300;
-/// Numbers in all matrices at most.
-const MOST_NUMBERS: usize = 16_000_000;
 /// Rays of each patch and scramble to begin with, and directions of a rough surface and scramble.
 const LEAST_RAYS: u32 = 32;
 const LEAST_CHORDS: u32 = 16;
@@ -33,12 +31,13 @@ const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
 const FIRST_CELLS: f64 = 24.0;
 const FINER: f64 = 1.5;
-/// Diffuse patches may state so many times the error of patches with lobes before paths take their place.
-const DIFFUSE: f64 = 4.0;
-/// The light paths of an epoch, from and to, beside which [`Effort::SUN`] is reasonable, and the fewest and the most patches for others.
-const USUAL_PATHS: (u32, u32) = (4096, 1 << 17);
+/// Light paths of an epoch beside which [`Effort::SUN`] is reasonable; the fewest and the most patches for others, and how many times as much as that is done at most where paths are many.
+const USUAL_PATHS: f64 = 4096.0;
 const LEAST_PATCHES: f64 = 64.0;
 const MOST_PATCHES: f64 = 2000.0;
+const MOST_SPARE: f64 = 20.0;
+/// Times as many numbers in matrices at most: 250 MB while they are made.
+const MOST_SPARE_NUMBERS: f64 = 4.0;
 /// Share of the tolerance that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -49,25 +48,45 @@ pub struct Effort {
     pub patches: usize,
     /// Directions for which materials are asked at most.
     pub asked: usize,
+    /// Rays of rough patches that meet anything, at most: some nanoseconds each in an epoch.
+    pub meetings: usize,
+    /// Numbers in all matrices at most.
+    pub numbers: usize,
     /// Pairs of surfaces whose exchange is exact at most.
     pub clear: usize,
-    /// Error that patches with lobes may state where they do not meet the tolerance, as a share of the error that paths would state.
+    /// Error that patches may state where they do not meet the tolerance, as a share of the error that paths would state: where paths would know it better, they are traced besides,
+    /// direction by direction, and a pass has many that patches know well.
     pub of_paths: f64,
 }
 
 impl Effort {
     /// For the Sun: a few milliseconds.
-    pub const SUN: Self = Self { patches: 640, asked: 20_000, clear: 200, of_paths: 0.5 };
-    /// For the Sun, with so many light paths to spare.
+    pub const SUN: Self = Self {
+        patches: 640,
+        asked: 20_000,
+        meetings: 200_000,
+        numbers: 16_000_000,
+        clear: 200,
+        of_paths: 2.0,
+    };
+
+    /// For the Sun, with so many light paths to spare: an epoch of patches costs about as their number squared, or as the directions of rough ones.
     pub fn of_sun(paths: u32) -> Self {
-        let times = |usual: u32| f64::from(paths) / f64::from(usual);
-        let spare = times(USUAL_PATHS.0).min(1.0).max(times(USUAL_PATHS.1)).sqrt();
-        let patches = (spare * Self::SUN.patches as f64).clamp(LEAST_PATCHES, MOST_PATCHES);
-        Self { patches: patches as usize, ..Self::SUN }
+        let spare = f64::from(paths) / USUAL_PATHS;
+        let patches = (spare.sqrt() * Self::SUN.patches as f64).clamp(LEAST_PATCHES, MOST_PATCHES);
+        let times = |usual: usize, most: f64| (usual as f64 * spare.clamp(1.0, most)) as usize;
+        Self {
+            patches: patches as usize,
+            asked: times(Self::SUN.asked, MOST_SPARE),
+            meetings: times(Self::SUN.meetings, MOST_SPARE),
+            numbers: times(Self::SUN.numbers, MOST_SPARE_NUMBERS),
+            ..Self::SUN
+        }
     }
 
     /// For each of the Earth's directions: some 50 µs.
-    pub const EARTH: Self = Self { patches: 100, asked: 800, clear: 0, of_paths: f64::INFINITY };
+    pub const EARTH: Self =
+        Self { patches: 100, asked: 800, clear: 0, of_paths: f64::INFINITY, ..Self::SUN };
 }
 
 /// Preparation that is done once.
@@ -146,7 +165,7 @@ impl Still {
             let last = look.coarseness <= target || {
                 let next = cells(size / FINER);
                 let numbers = next.diffuse[0].pow(2) * nodes.nm.len();
-                next.list.len() > effort.patches || numbers > MOST_NUMBERS
+                next.list.len() > effort.patches || numbers > effort.numbers
             };
             if !last {
                 size /= FINER;
@@ -156,11 +175,8 @@ impl Still {
             let enough = target.max(OF_COARSENESS * look.coarseness);
             loop {
                 let more_rays = if look.factors > enough { draft.more_rays(rays) } else { rays };
-                let more_chords = if look.chords > enough {
-                    draft.more_chords(chords, effort.asked)
-                } else {
-                    chords
-                };
+                let more_chords =
+                    if look.chords > enough { draft.more_chords(chords, effort) } else { chords };
                 if (more_rays, more_chords) == (rays, chords) {
                     break;
                 }
@@ -172,9 +188,7 @@ impl Still {
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
-            // Diffuse patches cost a hundredth of the paths that know as much: paths have to know far more.
-            let of_paths = effort.of_paths * if rough.is_empty() { DIFFUSE } else { 1.0 };
-            if stated > options.tolerance.max(of_paths * by_paths) {
+            if stated > options.tolerance.max(effort.of_paths * by_paths) {
                 return None;
             }
             let plan = || Plan::new(surfaces.clone(), active.clone(), nodes, options);
