@@ -53,9 +53,8 @@ pub fn fit(
         return Err(PeriodError::Period(1.0 / frequency_hz));
     }
     let centred = Centred::new(series, harmonics)?;
-    let (mut normal, gain) = solve(&centred, frequency_hz, harmonics);
+    let (normal, gain) = Sampled::new(&centred, frequency_hz, harmonics).solved(harmonics);
     let (constant, coefficients) = normal.coefficients(centred.total);
-    normal.values.clear();
     Ok(HarmonicFit {
         frequency_hz,
         middle_s: series.time_s[0] + 0.5 * series.span_s(),
@@ -65,25 +64,44 @@ pub fn fit(
     })
 }
 
-/// The normal equations at a frequency, solved, and by how much χ² falls.
-pub(super) fn solve(centred: &Centred, frequency_hz: f64, harmonics: usize) -> (Normal, f64) {
-    let mut normal = Normal::new(harmonics);
-    normal.weights[0] = [centred.total, 0.0];
-    for ((t, w), y) in centred.time.iter().zip(centred.weight).zip(&centred.weighted) {
-        let (sin, cos) = (TAU * turns(frequency_hz, *t)).sin_cos();
-        let (mut c, mut s) = (1.0, 0.0);
-        for k in 1..=2 * harmonics {
-            (c, s) = (c * cos - s * sin, c * sin + s * cos);
-            let of_weights = &mut normal.weights[k];
-            of_weights[0] += w * c;
-            of_weights[1] += w * s;
-            if k <= harmonics {
-                let of_values = &mut normal.values[k - 1];
-                of_values[0] += y * c;
-                of_values[1] += y * s;
+/// Sums over the samples at one frequency: of these all models up to a number of harmonics are solved.
+pub(super) struct Sampled {
+    total: f64,
+    /// Σ w cos kωt, Σ w sin kωt for k from 1 to twice the harmonics.
+    weights: Vec<[f64; 2]>,
+    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
+    values: Vec<[f64; 2]>,
+}
+
+impl Sampled {
+    pub fn new(centred: &Centred, frequency_hz: f64, harmonics: usize) -> Self {
+        let (mut weights, mut values) = (vec![[0.0; 2]; 2 * harmonics], vec![[0.0; 2]; harmonics]);
+        for ((t, w), y) in centred.time.iter().zip(centred.weight).zip(&centred.weighted) {
+            let (sin, cos) = (TAU * turns(frequency_hz, *t)).sin_cos();
+            let (mut c, mut s) = (1.0, 0.0);
+            for k in 0..2 * harmonics {
+                (c, s) = (c * cos - s * sin, c * sin + s * cos);
+                weights[k][0] += w * c;
+                weights[k][1] += w * s;
+                if let Some(of_values) = values.get_mut(k) {
+                    of_values[0] += y * c;
+                    of_values[1] += y * s;
+                }
             }
         }
+        Self { total: centred.total, weights, values }
     }
-    let gain = normal.reduction(centred.total);
-    (normal, gain)
+
+    /// The normal equations of so many harmonics, solved, and by how much χ² falls.
+    pub fn solved(&self, harmonics: usize) -> (Normal<1>, f64) {
+        let mut normal = Normal::new(harmonics);
+        for (to, from) in normal.weights[1..].iter_mut().zip(&self.weights) {
+            *to = from.map(|v| [v]);
+        }
+        for (to, from) in normal.values.iter_mut().zip(&self.values) {
+            *to = from.map(|v| [v]);
+        }
+        let [gain] = normal.reduction(self.total);
+        (normal, gain)
+    }
 }

@@ -32,6 +32,8 @@ const BLOCK: usize = 48;
 const BLOCKS: usize = 8;
 /// A line of this share of the strongest harmonic is more than a folded one.
 const STRONG: f64 = 0.25;
+/// Multiples of a frequency after which phases are computed anew: until then they are products, whose roundings add up.
+const FRESH: usize = 64;
 /// Curves are resolved where no line of the upper half below half of the sampling has more than this share of the strongest.
 const RESOLVED: f64 = 0.05;
 /// Looked at for that up to this harmonic.
@@ -162,6 +164,13 @@ impl Weighed {
         Self { time, whole, left, resolution_hz: 1.0 / span, sampling_hz }
     }
 
+    /// What the harmonics leave at the first multiples of a frequency, and so many resolutions to either side of each.
+    fn left_beside(&self, base_hz: f64, most: usize, places: &[f64]) -> Multiples {
+        let offsets: Vec<f64> =
+            places.iter().flat_map(|b| [-b, *b]).map(|b| b * self.resolution_hz).collect();
+        Multiples::new(&self.time, &self.left, base_hz, most, &offsets)
+    }
+
     /// Whether a harmonic of `base_hz` above half of the sampling is folded onto a line.
     fn is_folded(&self, line_hz: f64, base_hz: f64) -> bool {
         let Some(sampling) = self.sampling_hz else { return false };
@@ -199,6 +208,61 @@ fn power(time: &[f64], weighted: &[f64], frequency_hz: f64) -> f64 {
         b += r * sin;
     }
     a * a + b * b
+}
+
+/// |Σ c e^{2πift}|² at the multiples of a frequency, and at places beside each of them.
+struct Multiples {
+    base_hz: f64,
+    /// From a multiple to the places, Hz: first 0, the multiple itself.
+    offsets_hz: Vec<f64>,
+    /// By multiple, from the first, and by place.
+    power: Vec<f64>,
+}
+
+impl Multiples {
+    /// Multiples up to `most`. From one to the next each sample's phase is a product.
+    fn new(time: &[f64], weighted: &[f64], base_hz: f64, most: usize, beside_hz: &[f64]) -> Self {
+        let offsets_hz: Vec<f64> = [&[0.0], beside_hz].concat();
+        let places = offsets_hz.len();
+        let rotation = |f: f64, t: f64| (TAU * turns(f, t)).sin_cos();
+        let (mut a, mut b) = (vec![0.0; most * places], vec![0.0; most * places]);
+        let (mut c, mut s) = (vec![0.0; places], vec![0.0; places]);
+        for (t, r) in time.iter().zip(weighted) {
+            let (sin, cos) = rotation(base_hz, *t);
+            let rows = a.chunks_exact_mut(places).zip(b.chunks_exact_mut(places));
+            for (j, (a, b)) in rows.enumerate() {
+                if j % FRESH == 0 {
+                    for ((c, s), offset) in c.iter_mut().zip(&mut s).zip(&offsets_hz) {
+                        let (sin, cos) = rotation((j + 1) as f64 * base_hz + offset, *t);
+                        (*c, *s) = (r * cos, r * sin);
+                    }
+                } else {
+                    for (c, s) in c.iter_mut().zip(&mut s) {
+                        (*c, *s) = (*c * cos - *s * sin, *c * sin + *s * cos);
+                    }
+                }
+                for (((a, b), c), s) in a.iter_mut().zip(b).zip(&c).zip(&s) {
+                    *a += c;
+                    *b += s;
+                }
+            }
+        }
+        let power = a.iter().zip(&b).map(|(a, b)| a * a + b * b).collect();
+        Self { base_hz, offsets_hz, power }
+    }
+
+    /// The power at a multiple, from 1.
+    fn power(&self, multiple: usize) -> f64 {
+        self.power[(multiple - 1) * self.offsets_hz.len()]
+    }
+
+    /// Frequencies beside a multiple and the power there.
+    fn beside(&self, multiple: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let places = self.offsets_hz.len();
+        let own = &self.power[(multiple - 1) * places..multiple * places];
+        let line_hz = multiple as f64 * self.base_hz;
+        self.offsets_hz.iter().zip(own).skip(1).map(move |(o, power)| (line_hz + o, *power))
+    }
 }
 
 /// A line and what lies beside it.
@@ -265,9 +329,15 @@ impl Lines<'_> {
             // Tapered, a neighbour one resolution away belongs to the line.
             let first = if is_tapered { 2 } else { 1 };
             let places: Vec<f64> = (first..first + beside).map(|b| b as f64).collect();
-            let at = |j: usize| power(&samples.time, &samples.whole, j as f64 / n * frequency_hz);
-            // Flashes that are shorter than a step have all harmonics alike, and those above half of the sampling are folded onto any line, however strong.
             let shown = times * ((self.highest_hz / frequency_hz) as usize).min(FLAT_TO);
+            let asked = times * harmonics;
+            // Light at every multiple of the long period's frequency, and what is left at them and beside.
+            let base_hz = frequency_hz / n;
+            let most = shown.max(asked).max(times * order);
+            let whole = Multiples::new(&samples.time, &samples.whole, base_hz, most, &[]);
+            let left = samples.left_beside(base_hz, asked, &places);
+            let at = |j: usize| whole.power(j);
+            // Flashes that are shorter than a step have all harmonics alike, and those above half of the sampling are folded onto any line, however strong.
             let upper = (shown.div_ceil(2).max(1)..=shown).map(at).fold(0.0, f64::max);
             let all = (1..=shown).map(at).fold(0.0, f64::max);
             let strong = if upper > RESOLVED * all {
@@ -275,10 +345,12 @@ impl Lines<'_> {
             } else {
                 STRONG * (1..=harmonics).map(|k| at(times * k)).fold(0.0, f64::max)
             };
-            let lines: Vec<(usize, Line)> = (1..=times * harmonics)
+            let lines: Vec<(usize, Line)> = (1..=asked)
                 .filter(|j| j % times != 0)
-                .map(|j| (j, j as f64 / n * frequency_hz))
-                .map(|(j, line)| (j, line, self.line(&samples, &samples.left, line, &places)))
+                .map(|j| (j, j as f64 * base_hz))
+                .map(|(j, line)| {
+                    (j, line, self.line(line, left.power(j), left.beside(j), &samples))
+                })
                 .filter(|(_, at, line)| {
                     is_all || line.power > strong || !samples.is_folded(*at, frequency_hz)
                 })
@@ -293,8 +365,7 @@ impl Lines<'_> {
             if unit > 0.0 {
                 excess += near.iter().map(|l| (l.power - l.beside) / unit).sum::<f64>();
                 noise += near.iter().map(|l| (l.beside / unit).powi(2)).sum::<f64>();
-                let of_light = (1..=order)
-                    .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz));
+                let of_light = (1..=order).map(|k| at(times * k));
                 light += (of_light.sum::<f64>() / unit - order as f64).max(0.0);
             }
             by_series.push(lines.into_iter().map(|(_, line)| line.chance).collect::<Vec<_>>());
@@ -324,26 +395,32 @@ impl Lines<'_> {
             let left = residual(series, frequency_hz, harmonics, 1)?;
             let samples = Weighed::new(series, &left, false);
             let places: Vec<f64> = (2..=last).map(|b| b as f64).collect();
+            let whole = Multiples::new(&samples.time, &samples.whole, frequency_hz, harmonics, &[]);
+            let left = samples.left_beside(frequency_hz, harmonics, &places);
             let line = |k: usize| {
-                self.line(&samples, &samples.whole, k as f64 * frequency_hz, &places).chance
+                let line_hz = k as f64 * frequency_hz;
+                self.line(line_hz, whole.power(k), left.beside(k), &samples).chance
             };
             by_series.push((1..=harmonics).map(line).collect());
         }
         self.joined(&by_series)
     }
 
-    /// A line of one series, 1 where nothing lies beside it.
-    fn line(&self, samples: &Weighed, on: &[f64], line_hz: f64, places: &[f64]) -> Line {
-        let resolution = samples.resolution_hz;
-        let near = places.iter().flat_map(|b| [line_hz - b * resolution, line_hz + b * resolution]);
-        let near: Vec<f64> =
-            near.filter(|f| *f > 0.5 * resolution && *f <= self.highest_hz).collect();
-        if near.is_empty() || line_hz > self.highest_hz {
+    /// A line of one series with its power, and what lies beside it; its chance is 1 where nothing does.
+    fn line(
+        &self,
+        line_hz: f64,
+        power: f64,
+        beside: impl Iterator<Item = (f64, f64)>,
+        samples: &Weighed,
+    ) -> Line {
+        let least_hz = 0.5 * samples.resolution_hz;
+        let near = beside.filter(|(f, _)| *f > least_hz && *f <= self.highest_hz);
+        let (n, sum) = near.fold((0.0, 0.0), |(n, sum), (_, power)| (n + 1.0, sum + power));
+        if n == 0.0 || line_hz > self.highest_hz {
             return Line { chance: 1.0, power: 0.0, beside: 0.0 };
         }
-        let n = near.len() as f64;
-        let beside = near.iter().map(|f| power(&samples.time, &samples.left, *f)).sum::<f64>() / n;
-        let power = power(&samples.time, on, line_hz);
+        let beside = sum / n;
         let chance = if beside > 0.0 { (1.0 + power / beside / n).powf(-n) } else { 1.0 };
         Line { chance, power, beside }
     }

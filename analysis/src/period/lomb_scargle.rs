@@ -9,6 +9,8 @@ use crate::series::Series;
 pub(super) const MOST_HARMONICS: usize = 32;
 /// Frequencies at a time: memory stays small.
 const BLOCK: usize = 1 << 16;
+/// Frequencies that are solved side by side: each goes the same way as alone, and the processor does several at once.
+pub(crate) const LANES: usize = 8;
 /// A pivot below this share of its diagonal is rounding: what it stands for follows from the others, and is left out.
 pub(crate) const LEAST_PIVOT: f64 = 1e-10;
 
@@ -133,15 +135,17 @@ impl<'a> Centred<'a> {
             }));
             return;
         }
-        let mut normal = Normal::new(harmonics);
-        for i in 0..grid.n {
+        let mut normal = Normal::<LANES>::new(harmonics);
+        for first in (0..grid.n).step_by(LANES) {
+            let count = LANES.min(grid.n - first);
             for (k, s) in of_weights.iter().enumerate() {
-                normal.weights[k + 1] = [s.cos[i], s.sin[i]];
+                normal.weights[k + 1] = [lanes(&s.cos, first), lanes(&s.sin, first)];
             }
             for (k, s) in of_values.iter().enumerate() {
-                normal.values[k] = [s.cos[i], s.sin[i]];
+                normal.values[k] = [lanes(&s.cos, first), lanes(&s.sin, first)];
             }
-            power.push(self.share(normal.reduction(self.total)));
+            let gains = normal.reduction(self.total);
+            power.extend(gains[..count].iter().map(|gain| self.share(*gain)));
         }
     }
 
@@ -169,60 +173,70 @@ impl<'a> Centred<'a> {
     }
 }
 
-/// A Cholesky factor that leaves out what follows from the rest, for normal equations of any kind.
-pub(crate) struct Cholesky {
+/// Values from the `first` on, one a lane; beyond the last, the last.
+pub(crate) fn lanes<const L: usize>(values: &[f64], first: usize) -> [f64; L] {
+    std::array::from_fn(|l| values[(first + l).min(values.len() - 1)])
+}
+
+/// Cholesky factors of L matrices side by side, which leave out what follows from the rest, for normal equations of any kind.
+pub(crate) struct Cholesky<const L: usize> {
     /// Number of unknowns.
     p: usize,
     /// Matrix, row by row; the lower half counts, and becomes the factor.
-    pub matrix: Vec<f64>,
+    pub matrix: Vec<[f64; L]>,
     /// After [`Cholesky::solve`]: the factor's solution, for [`Cholesky::unknowns`].
-    pub solution: Vec<f64>,
+    pub solution: Vec<[f64; L]>,
 }
 
-impl Cholesky {
+impl<const L: usize> Cholesky<L> {
     pub fn new(p: usize) -> Self {
-        Self { p, matrix: vec![0.0; p * p], solution: vec![0.0; p] }
+        Self { p, matrix: vec![[0.0; L]; p * p], solution: vec![[0.0; L]; p] }
     }
 
-    /// Factors the matrix, and returns by how much χ² falls. A pivot of `least` or less is left out.
-    pub fn solve(&mut self, right: impl Fn(usize) -> f64, least: f64) -> f64 {
+    /// Factors the matrices, and returns by how much χ² falls. A pivot of `least` or less is left out.
+    pub fn solve(&mut self, right: impl Fn(usize) -> [f64; L], least: f64) -> [f64; L] {
         let p = self.p;
-        let mut gain = 0.0;
+        let mut gain = [0.0; L];
         for i in 0..p {
             let (above, row) = self.matrix.split_at_mut(i * p);
-            let row = &mut row[..p];
             for j in 0..i {
-                let other = &above[j * p..(j + 1) * p];
-                let dot: f64 = row[..j].iter().zip(other).map(|(a, b)| a * b).sum();
-                row[j] = if other[j] > 0.0 { (row[j] - dot) / other[j] } else { 0.0 };
+                let other = &above[j * p..=j * p + j];
+                let dot = dot(&row[..j], &other[..j]);
+                let (diagonal, at) = (&other[j], &mut row[j]);
+                for l in 0..L {
+                    let divided = (at[l] - dot[l]) / diagonal[l];
+                    at[l] = if diagonal[l] > 0.0 { divided } else { 0.0 };
+                }
             }
-            let square: f64 = row[..i].iter().map(|a| a * a).sum();
-            let pivot = row[i] - square;
-            if pivot <= least {
-                row[i] = 0.0;
-                self.solution[i] = 0.0;
-                continue;
+            let (square, known) = (dot(&row[..i], &row[..i]), dot(&row[..i], &self.solution[..i]));
+            let (right, at, solved) = (right(i), &mut row[i], &mut self.solution[i]);
+            for l in 0..L {
+                let pivot = at[l] - square[l];
+                let root = pivot.sqrt();
+                let found = (right[l] - known[l]) / root;
+                let is_kept = pivot > least;
+                at[l] = if is_kept { root } else { 0.0 };
+                solved[l] = if is_kept { found } else { 0.0 };
+                gain[l] += solved[l] * solved[l];
             }
-            row[i] = pivot.sqrt();
-            let known: f64 = row[..i].iter().zip(&self.solution).map(|(a, b)| a * b).sum();
-            self.solution[i] = (right(i) - known) / row[i];
-            gain += self.solution[i] * self.solution[i];
         }
         gain
     }
+}
 
+impl Cholesky<1> {
     /// The unknowns, after [`Cholesky::solve`].
     pub fn unknowns(&self) -> Vec<f64> {
         let p = self.p;
-        let mut x = self.solution.clone();
+        let mut x: Vec<f64> = self.solution.iter().map(|x| x[0]).collect();
         for i in (0..p).rev() {
-            let diagonal = self.matrix[i * p + i];
+            let diagonal = self.matrix[i * p + i][0];
             if diagonal == 0.0 {
                 x[i] = 0.0;
                 continue;
             }
             for j in i + 1..p {
-                x[i] -= self.matrix[j * p + i] * x[j];
+                x[i] -= self.matrix[j * p + i][0] * x[j];
             }
             x[i] /= diagonal;
         }
@@ -230,57 +244,74 @@ impl Cholesky {
     }
 }
 
-/// The normal equations of a mean and harmonics at one frequency.
-pub(super) struct Normal {
-    harmonics: usize,
-    /// Σ w cos kωt, Σ w sin kωt for k from 0 to twice the harmonics.
-    pub weights: Vec<[f64; 2]>,
-    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
-    pub values: Vec<[f64; 2]>,
-    factor: Cholesky,
+/// The sum of products, lane by lane.
+fn dot<const L: usize>(a: &[[f64; L]], b: &[[f64; L]]) -> [f64; L] {
+    let mut sum = [0.0; L];
+    for (a, b) in a.iter().zip(b) {
+        for l in 0..L {
+            sum[l] += a[l] * b[l];
+        }
+    }
+    sum
 }
 
-impl Normal {
+/// The normal equations of a mean and harmonics at L frequencies side by side.
+pub(super) struct Normal<const L: usize> {
+    harmonics: usize,
+    /// Σ w cos kωt, Σ w sin kωt for k from 0 to twice the harmonics.
+    pub weights: Vec<[[f64; L]; 2]>,
+    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
+    pub values: Vec<[[f64; L]; 2]>,
+    factor: Cholesky<L>,
+}
+
+impl<const L: usize> Normal<L> {
     pub fn new(harmonics: usize) -> Self {
         let p = 2 * harmonics;
         Self {
             harmonics,
-            weights: vec![[0.0; 2]; p + 1],
-            values: vec![[0.0; 2]; harmonics],
+            weights: vec![[[0.0; L]; 2]; p + 1],
+            values: vec![[[0.0; L]; 2]; harmonics],
             factor: Cholesky::new(p),
         }
     }
 
-    /// Returns the amount by which the fit lowers χ². The mean is eliminated, then Cholesky.
-    pub fn reduction(&mut self, total: f64) -> f64 {
+    /// Returns the amounts by which the fit lowers χ². The mean is eliminated, then Cholesky.
+    pub fn reduction(&mut self, total: f64) -> [f64; L] {
         let p = 2 * self.harmonics;
-        let w = |k: usize| self.weights[k];
+        self.weights[0] = [[total; L], [0.0; L]];
         let matrix = &mut self.factor.matrix;
         for i in 1..=self.harmonics {
             for j in 1..=i {
-                let ([cp, sp], [mut cm, sm]) = (w(i + j), w(i - j));
-                if i == j {
-                    cm = total;
-                }
-                let ([ci, si], [cj, sj]) = (w(i), w(j));
+                let of = |k: usize| &self.weights[k];
+                let ([cp, sp], [cm, sm], [ci, si], [cj, sj]) = (of(i + j), of(i - j), of(i), of(j));
                 let at = |a: usize, b: usize| (2 * (i - 1) + a) * p + 2 * (j - 1) + b;
-                matrix[at(0, 0)] = 0.5 * (cm + cp) - ci * cj / total;
-                matrix[at(1, 1)] = 0.5 * (cm - cp) - si * sj / total;
-                // sin i cos j and cos i sin j.
-                matrix[at(1, 0)] = 0.5 * (sp + sm) - si * cj / total;
-                matrix[at(0, 1)] = 0.5 * (sp - sm) - ci * sj / total;
+                // In pairs: cos i cos j and sin i sin j, sin i cos j and cos i sin j.
+                matrix[at(0, 0)] =
+                    std::array::from_fn(|l| 0.5 * (cm[l] + cp[l]) - ci[l] * cj[l] / total);
+                matrix[at(1, 1)] =
+                    std::array::from_fn(|l| 0.5 * (cm[l] - cp[l]) - si[l] * sj[l] / total);
+                matrix[at(1, 0)] =
+                    std::array::from_fn(|l| 0.5 * (sp[l] + sm[l]) - si[l] * cj[l] / total);
+                matrix[at(0, 1)] =
+                    std::array::from_fn(|l| 0.5 * (sp[l] - sm[l]) - ci[l] * sj[l] / total);
             }
         }
         let values = &self.values;
         self.factor.solve(|i| values[i / 2][i % 2], LEAST_PIVOT * total)
     }
+}
 
+impl Normal<1> {
     /// The coefficients [cos, sin] of the harmonics, after [`Normal::reduction`], and the mean beside them.
     pub fn coefficients(&self, total: f64) -> (f64, Vec<[f64; 2]>) {
         let x = self.factor.unknowns();
         let pairs: Vec<[f64; 2]> = x.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
-        let shared: f64 =
-            pairs.iter().zip(&self.weights[1..]).map(|(c, w)| c[0] * w[0] + c[1] * w[1]).sum();
+        let shared: f64 = pairs
+            .iter()
+            .zip(&self.weights[1..])
+            .map(|(c, [cos, sin])| c[0] * cos[0] + c[1] * sin[0])
+            .sum();
         (-shared / total, pairs)
     }
 }

@@ -8,6 +8,7 @@ use super::FrequencyGrid;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// Points of the grid that one sample is spread on.
 const WIDTH: usize = 14;
@@ -57,7 +58,7 @@ pub(crate) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &FrequencyGrid
     let stretch = 1_usize << power;
     let points = 2 * stretch;
     let spread = Spread::new(time_s, grid.step_hz, points);
-    let correction = correction(stretch);
+    let correction = correction(power);
     let fft = FftPlanner::new().plan_fft_forward(points);
     let mut spare = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
     let mut field = vec![Complex64::ZERO; points + WIDTH];
@@ -80,12 +81,14 @@ pub(crate) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &FrequencyGrid
             field.fill(Complex64::ZERO);
             spread.add(coefficients, &phase, &mut field);
             fft.process_with_scratch(&mut field[..points], &mut spare);
-            for i in first..last {
-                // Mode m from −stretch/2 lies at m modulo the number of points.
-                let m = (i - first + points - stretch / 2) % points;
-                let factor = correction[(i - first).abs_diff(stretch / 2)];
-                sums.cos[i] = field[m].re * factor;
-                sums.sin[i] = -field[m].im * factor;
+            // Modes below the stretch's middle lie at the end of the field, its middle and those above at the beginning.
+            let half = stretch / 2;
+            let modes = field[points - half..points].iter().chain(&field[..half]);
+            let factors = correction[1..].iter().rev().chain(&correction[..half]);
+            let into = sums.cos[first..last].iter_mut().zip(&mut sums.sin[first..last]);
+            for (((cos, sin), mode), factor) in into.zip(modes).zip(factors) {
+                *cos = mode.re * factor;
+                *sin = -mode.im * factor;
             }
         }
     }
@@ -206,24 +209,29 @@ fn kernel(z: f64) -> f64 {
     if inside < 0.0 { 0.0 } else { (BETA * (inside.sqrt() - 1.0)).exp() }
 }
 
-/// Factor of each mode, by the distance from the stretch's middle: one over the kernel's transform,
-/// (width/2) ∫ φ(z) cos(2π m z (width/2)/points) dz. With z = sin u the end's root is smooth, and the midpoint rule converges geometrically.
-fn correction(stretch: usize) -> Vec<f64> {
-    let points = (2 * stretch) as f64;
-    let half = 0.5 * WIDTH as f64;
-    let nodes: Vec<(f64, f64)> = (0..NODES)
-        .map(|k| {
-            let u = std::f64::consts::FRAC_PI_2 * (k as f64 + 0.5) / NODES as f64;
-            let weight = std::f64::consts::PI / NODES as f64 * u.cos();
-            (u.sin(), weight * kernel(u.sin()))
-        })
-        .collect();
-    (0..=stretch / 2)
-        .map(|m| {
-            let a = TAU * m as f64 * half / points;
-            1.0 / (half * nodes.iter().map(|(z, w)| w * (a * z).cos()).sum::<f64>())
-        })
-        .collect()
+/// Factor of each mode of a stretch of 2^`power` frequencies, by the distance from its middle: one over the kernel's transform,
+/// (width/2) ∫ φ(z) cos(2π m z (width/2)/points) dz. With z = sin u the end's root is smooth, and the midpoint rule converges geometrically. Computed once.
+fn correction(power: u32) -> &'static [f64] {
+    static KNOWN: [OnceLock<Vec<f64>>; LARGEST_POWER_OF_MANY as usize + 1] =
+        [const { OnceLock::new() }; LARGEST_POWER_OF_MANY as usize + 1];
+    KNOWN[power as usize].get_or_init(|| {
+        let stretch = 1_usize << power;
+        let points = (2 * stretch) as f64;
+        let half = 0.5 * WIDTH as f64;
+        let nodes: Vec<(f64, f64)> = (0..NODES)
+            .map(|k| {
+                let u = std::f64::consts::FRAC_PI_2 * (k as f64 + 0.5) / NODES as f64;
+                let weight = std::f64::consts::PI / NODES as f64 * u.cos();
+                (u.sin(), weight * kernel(u.sin()))
+            })
+            .collect();
+        (0..=stretch / 2)
+            .map(|m| {
+                let a = TAU * m as f64 * half / points;
+                1.0 / (half * nodes.iter().map(|(z, w)| w * (a * z).cos()).sum::<f64>())
+            })
+            .collect()
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! u_s = Σ_s w X, N = XᵀWX − Σ_s u_s u_sᵀ/W_s, and χ² falls by rᵀN⁻¹r with r = XᵀW(y − ȳ_s). XᵀWX needs only Σ w e^{2πijft}, j to 2K (products to sums).
 
 use crate::period::FrequencyGrid;
-use crate::period::lomb_scargle::{Cholesky, LEAST_PIVOT};
+use crate::period::lomb_scargle::{Cholesky, LANES, LEAST_PIVOT, lanes};
 use crate::period::sums::{sums, sums_of_a_stretch, turns};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -73,15 +73,15 @@ pub(super) struct Fit {
 }
 
 /// Fills the lower half of XᵀWX from the sums C_j, j from 0 to 2K.
-fn products(matrix: &mut [f64], p: usize, sum: impl Fn(usize) -> [f64; 2]) {
+fn products<const L: usize>(matrix: &mut [[f64; L]], p: usize, sums: &[[[f64; L]; 2]]) {
     for i in 1..=p / 2 {
         for j in 1..=i {
-            let ([cp, sp], [cm, sm]) = (sum(i + j), sum(i - j));
+            let ([cp, sp], [cm, sm]) = (&sums[i + j], &sums[i - j]);
             let at = |a: usize, b: usize| (2 * (i - 1) + a) * p + 2 * (j - 1) + b;
-            matrix[at(0, 0)] = 0.5 * (cm + cp);
-            matrix[at(1, 1)] = 0.5 * (cm - cp);
-            matrix[at(1, 0)] = 0.5 * (sp + sm);
-            matrix[at(0, 1)] = 0.5 * (sp - sm);
+            matrix[at(0, 0)] = std::array::from_fn(|l| 0.5 * (cm[l] + cp[l]));
+            matrix[at(1, 1)] = std::array::from_fn(|l| 0.5 * (cm[l] - cp[l]));
+            matrix[at(1, 0)] = std::array::from_fn(|l| 0.5 * (sp[l] + sm[l]));
+            matrix[at(0, 1)] = std::array::from_fn(|l| 0.5 * (sp[l] - sm[l]));
         }
     }
 }
@@ -104,8 +104,8 @@ impl Rows {
     pub fn fit(&self, weight: &[f64], frequency_hz: f64, harmonics: usize) -> Fit {
         let data = Weighted::new(self, weight);
         let p = 2 * harmonics;
-        let mut all = vec![[0.0; 2]; p + 1];
-        all[0] = [data.total, 0.0];
+        let mut all = vec![[[0.0]; 2]; p + 1];
+        all[0] = [[data.total], [0.0]];
         let mut right = vec![0.0; p];
         let mut own = vec![vec![0.0; p]; self.sessions.len()];
         for (session, own) in self.sessions.iter().zip(&mut own) {
@@ -115,8 +115,8 @@ impl Rows {
                 let (w, y) = (weight[i], data.values[i]);
                 for k in 1..=p {
                     (c, s) = (c * cos - s * sin, c * sin + s * cos);
-                    all[k][0] += w * c;
-                    all[k][1] += w * s;
+                    all[k][0][0] += w * c;
+                    all[k][1][0] += w * s;
                     if k <= harmonics {
                         own[2 * k - 2] += w * c;
                         own[2 * k - 1] += w * s;
@@ -126,16 +126,16 @@ impl Rows {
                 }
             }
         }
-        let mut factor = Cholesky::new(p);
-        products(&mut factor.matrix, p, |j| all[j]);
+        let mut factor = Cholesky::<1>::new(p);
+        products(&mut factor.matrix, p, &all);
         for (u, total) in own.iter().zip(&data.totals) {
             for i in 0..p {
                 for j in 0..=i {
-                    factor.matrix[i * p + j] -= u[i] * u[j] / total;
+                    factor.matrix[i * p + j][0] -= u[i] * u[j] / total;
                 }
             }
         }
-        let gain = factor.solve(|i| right[i], LEAST_PIVOT * data.total);
+        let [gain] = factor.solve(|i| [right[i]], LEAST_PIVOT * data.total);
         let x = factor.unknowns();
         let zero = own.iter().zip(&data.totals).zip(&data.means).map(|((u, total), mean)| {
             mean - u.iter().zip(&x).map(|(u, x)| u * x).sum::<f64>() / total
@@ -176,7 +176,9 @@ impl Rows {
         let triangle = p * (p + 1) / 2;
         let block = self.len().next_power_of_two().clamp(BLOCK.start, BLOCK.end);
         let mut found = vec![Vec::with_capacity(grid.n); orders.len()];
-        let mut factor = Cholesky::new(p);
+        let mut factor = Cholesky::<LANES>::new(p);
+        let mut weights = vec![[[0.0; LANES]; 2]; p + 1];
+        weights[0][0] = [data.total; LANES];
         let mut of_sessions = Vec::new();
         let mut u = vec![0.0; p];
         for first in (0..grid.n).step_by(block) {
@@ -225,33 +227,39 @@ impl Rows {
                     of_weights.extend(sums(&self.time, &[data.weight], &times(k)));
                 }
             }
-            for f in 0..n {
-                products(&mut factor.matrix, p, |j| match j {
-                    0 => [data.total, 0.0],
-                    j => [of_weights[j - 1].cos[f], of_weights[j - 1].sin[f]],
-                });
-                let taken = &of_sessions[f * triangle..(f + 1) * triangle];
-                let mut at = 0;
-                for i in 0..p {
-                    for (m, t) in
-                        factor.matrix[i * p..=i * p + i].iter_mut().zip(&taken[at..=at + i])
-                    {
-                        *m -= t;
+            for f in (0..n).step_by(LANES) {
+                for (to, s) in weights[1..].iter_mut().zip(&of_weights) {
+                    *to = [lanes(&s.cos, f), lanes(&s.sin, f)];
+                }
+                products(&mut factor.matrix, p, &weights);
+                let count = LANES.min(n - f);
+                let taken =
+                    of_sessions[f * triangle..(f + count) * triangle].chunks_exact(triangle);
+                for (l, taken) in taken.enumerate() {
+                    let mut at = 0;
+                    for i in 0..p {
+                        let row = &mut factor.matrix[i * p..=i * p + i];
+                        for (m, t) in row.iter_mut().zip(&taken[at..=at + i]) {
+                            m[l] -= t;
+                        }
+                        at += i + 1;
                     }
-                    at += i + 1;
                 }
                 let right = |i: usize| {
                     let s = &of_values[i / 2];
-                    if i.is_multiple_of(2) { s.cos[f] } else { s.sin[f] }
+                    lanes(if i.is_multiple_of(2) { &s.cos } else { &s.sin }, f)
                 };
                 factor.solve(right, LEAST_PIVOT * data.total);
                 // The unknowns stand in the order of the harmonics: the first ones alone are a smaller model.
-                let mut gain = 0.0;
-                let mut from = 0;
-                for (order, chi2) in orders.iter().zip(&mut found) {
-                    gain += factor.solution[from..2 * order].iter().map(|x| x * x).sum::<f64>();
-                    from = 2 * order;
-                    chi2.push((data.variation - gain).max(0.0));
+                for l in 0..count {
+                    let mut gain = 0.0;
+                    let mut from = 0;
+                    for (order, chi2) in orders.iter().zip(&mut found) {
+                        let solution = &factor.solution[from..2 * order];
+                        gain += solution.iter().map(|x| x[l] * x[l]).sum::<f64>();
+                        from = 2 * order;
+                        chi2.push((data.variation - gain).max(0.0));
+                    }
                 }
             }
             progress.advance(n as u64);

@@ -67,7 +67,7 @@ impl Stretches {
             if all.windows(2).any(|w| w[1] - w[0] > (GAP * length).max(1.5 * step)) {
                 continue;
             }
-            let (mut normal, mut right) = (Cholesky::new(width), vec![0.0; width]);
+            let (mut normal, mut right) = (Cholesky::<1>::new(width), vec![0.0; width]);
             let mut row = vec![1.0; width];
             for i in a..b {
                 let phase = TAU * hz * (series.time_s[i] - middle_s);
@@ -79,11 +79,11 @@ impl Stretches {
                 for p in 0..width {
                     right[p] += row[p] * value;
                     for q in 0..=p {
-                        normal.matrix[p * width + q] += row[p] * row[q];
+                        normal.matrix[p * width + q][0] += row[p] * row[q];
                     }
                 }
             }
-            normal.solve(|i| right[i], 1e-6 * (b - a) as f64);
+            normal.solve(|i| [right[i]], 1e-6 * (b - a) as f64);
             let x = normal.unknowns();
             found.time_s.push(0.5 * (from + to) - middle_s);
             for (h, row) in found.amplitudes.iter_mut().enumerate() {

@@ -162,64 +162,68 @@ impl Grid {
     fn scores(&self, times: &[f64], mut keep: impl FnMut(usize, f64)) {
         let all = times.len() as f64;
         let most = (1.0 / (self.lowest_hz * self.width_s)) as usize + 2;
-        // Counts of half bins with the frequency for which they hold: nothing is cleared.
-        let mut counts: Vec<(u32, u32)> = vec![(u32::MAX, 0); most];
-        let (mut full, mut bins): (Vec<usize>, Vec<i32>) = (Vec::new(), Vec::new());
+        // Counts of half bins: all 0 between frequencies.
+        let mut counts = vec![0_u32; most];
+        let (mut full, mut bins) = (vec![0_usize; times.len()], Vec::<u32>::new());
         for i in 0..self.n {
             let f = self.frequency_hz(i);
             let places = 1.0 / (f * self.width_s);
             let halves = (places as usize).clamp(2, most);
-            let stamp = i as u32;
-            full.clear();
             bins.clear();
             bins.extend(times.iter().map(|t| {
                 let turn = f * t;
                 let part = turn - ((turn + NEAREST) - NEAREST);
                 let part = if part < 0.0 { part + 1.0 } else { part };
-                (part * halves as f64) as i32
+                ((part * halves as f64) as i32 as u32).min(halves as u32 - 1)
             }));
+            // Of the two halves of a full bin one has half of its flashes. Without branches, which nobody foresees.
+            let mut filled = 0;
             for bin in &bins {
-                let at = (*bin as usize).min(halves - 1);
-                let own = &mut counts[at];
-                if own.0 != stamp {
-                    *own = (stamp, 0);
-                }
-                own.1 += 1;
-                // Of the two halves of a full bin one has half of its flashes.
-                if own.1 as usize == LEAST_ON_TOOTH / 2 {
-                    full.push(at);
-                }
+                let own = &mut counts[*bin as usize];
+                *own += 1;
+                full[filled] = *bin as usize;
+                filled += usize::from(*own as usize == LEAST_ON_TOOTH / 2);
             }
-            if full.is_empty() {
-                continue;
+            let best = Self::best_of(&mut full[..filled], &counts[..halves], places, all);
+            for bin in &bins {
+                counts[*bin as usize] = 0;
             }
-            full.sort_unstable();
-            let expected = 2.0 * all / halves as f64;
-            let count = |k: usize| if counts[k].0 == stamp { counts[k].1 as usize } else { 0 };
-            let mut best = 0.0_f64;
-            for offset in 0..2 {
-                let mut sum = 0.0;
-                let (mut done, mut wrapped) = (usize::MAX, usize::MAX);
-                for (k, at) in full.iter().enumerate() {
-                    // The first half of the bin that holds this one; an odd number of halves leaves one alone.
-                    let first = (at + halves - offset) % halves / 2 * 2;
-                    if first == done || first == wrapped || first + 1 >= halves {
-                        continue;
-                    }
-                    done = first;
-                    // The bin across phase 0 is met at both of its ends.
-                    if k == 0 {
-                        wrapped = first;
-                    }
-                    let n = count((first + offset) % halves) + count((first + offset + 1) % halves);
-                    if n >= LEAST_ON_TOOTH {
-                        sum += worth(n, expected, places, all);
-                    }
-                }
-                best = best.max(sum);
+            if filled > 0 {
+                keep(i, best);
             }
-            keep(i, best);
         }
+    }
+
+    /// The worth of a comb by the counts of its half bins, of which `full` have two flashes and more: the larger of two offsets.
+    fn best_of(full: &mut [usize], counts: &[u32], places: f64, all: f64) -> f64 {
+        full.sort_unstable();
+        let halves = counts.len();
+        let expected = 2.0 * all / halves as f64;
+        let around = |k: usize| if k < halves { k } else { k - halves };
+        let mut best = 0.0_f64;
+        for offset in 0..2 {
+            let mut sum = 0.0;
+            let (mut done, mut wrapped) = (usize::MAX, usize::MAX);
+            for (k, at) in full.iter().enumerate() {
+                // The first half of the bin that holds this one; an odd number of halves leaves one alone.
+                let first = around(at + halves - offset) / 2 * 2;
+                if first == done || first == wrapped || first + 1 >= halves {
+                    continue;
+                }
+                done = first;
+                // The bin across phase 0 is met at both of its ends.
+                if k == 0 {
+                    wrapped = first;
+                }
+                let of = |k: usize| counts[around(k + offset)] as usize;
+                let n = of(first) + of(first + 1);
+                if n >= LEAST_ON_TOOTH {
+                    sum += worth(n, expected, places, all);
+                }
+            }
+            best = best.max(sum);
+        }
+        best
     }
 }
 

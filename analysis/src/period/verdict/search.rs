@@ -1,6 +1,6 @@
 //! From the highest peak to the smallest period that its multiples do not better.
 
-use super::super::fit::solve;
+use super::super::fit::Sampled;
 use super::super::lines::{Lines, harmonics as most_harmonics};
 use super::super::lomb_scargle::Centred;
 use super::super::significance::joint_gain;
@@ -8,6 +8,7 @@ use super::super::{FrequencyGrid, PeriodError, lomb_scargle};
 use super::outcome::{Options, Outcome, Verdict};
 use super::range::{OVERSAMPLING, Range};
 use crate::series::Series;
+use std::ops::RangeInclusive;
 
 /// Harmonics of the models that the search begins with.
 pub const SEARCHED: [usize; 4] = [1, 2, 4, 8];
@@ -57,11 +58,21 @@ impl Search<'_> {
 
     /// The joint gain at one frequency.
     pub fn gain(&self, frequency_hz: f64, harmonics: usize) -> f64 {
-        let of = |(c, s): (&Centred, &&Series)| {
-            let harmonics = harmonics.min((s.len() - 2) / 2).max(1);
-            joint_gain(c.share(solve(c, frequency_hz, harmonics).1), s.len(), harmonics)
-        };
-        self.centred.iter().zip(self.series).map(of).sum()
+        self.gains_of(frequency_hz, harmonics..=harmonics)[0]
+    }
+
+    /// The joint gains at one frequency of models of several numbers of harmonics.
+    fn gains_of(&self, frequency_hz: f64, wanted: RangeInclusive<usize>) -> Vec<f64> {
+        let mut joint = vec![0.0; wanted.clone().count()];
+        for (centred, s) in self.centred.iter().zip(self.series) {
+            let borne = |harmonics: usize| harmonics.min((s.len() - 2) / 2).max(1);
+            let sums = Sampled::new(centred, frequency_hz, borne(*wanted.end()));
+            for (sum, harmonics) in joint.iter_mut().zip(wanted.clone().map(borne)) {
+                let share = centred.share(sums.solved(harmonics).1);
+                *sum += joint_gain(share, s.len(), harmonics);
+            }
+        }
+        joint
     }
 
     /// The highest gain within `half_hz` of a frequency, by golden sections.
@@ -90,15 +101,11 @@ impl Search<'_> {
         let least =
             self.series.iter().map(|s| most_harmonics(s, frequency_hz, self.range.limit_hz)).min();
         let cost = 2.0 * self.series.len() as f64 * (self.samples() as f64).ln();
-        let score = |k: usize| self.gain(frequency_hz, k) - cost * k as f64;
-        let mut best = (1, score(1));
-        for k in 2..=least.unwrap_or(1) {
-            let found = score(k);
-            if found > best.1 {
-                best = (k, found);
-            }
-        }
-        best.0
+        let most = least.unwrap_or(1);
+        let gains = self.gains_of(frequency_hz, 1..=most);
+        let scores = (1..).zip(gains).map(|(k, gain)| (k, gain - cost * k as f64));
+        // The first of those that are equal.
+        scores.reduce(|best, next| if next.1 > best.1 { next } else { best }).map_or(1, |s| s.0)
     }
 
     /// The gains of all models over a range.
