@@ -10,7 +10,7 @@ use super::near::{Point, Tree};
 use crate::ndf::Ndf;
 use crate::samples::{Samples, turned};
 use glam::DVec3;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
@@ -266,7 +266,7 @@ impl<'a> Field<'a> {
         for image in &images[1..] {
             all.extend(points.iter().enumerate().map(|(k, p)| (times(p, image), k)));
         }
-        let tree = Tree::new(all);
+        let tree = Tree::new(all, if isotropic { 3 } else { 4 });
         let step = (points.len() / 500).max(1);
         let nearest = |p: &Point| {
             let found = tree.nearest(p, 12);
@@ -431,43 +431,56 @@ impl<'a> Field<'a> {
     /// Weights that meet every plane through the neighbours; none where they do not span the space.
     fn plane(
         &self,
+        place: (&Point, f64),
+        near: &[(f64, usize)],
+        weights: &[f64],
+    ) -> Option<Vec<(usize, f64)>> {
+        // A constant, the coordinates (an isotropic sample's last is 0), and the lobe's share.
+        if self.microfacets.is_isotropic() {
+            self.plane_of::<5>(place, near, weights)
+        } else {
+            self.plane_of::<6>(place, near, weights)
+        }
+    }
+
+    /// The same with so many terms: their number is known to the compiler, since this is done for each of a million cells.
+    fn plane_of<const TERMS: usize>(
+        &self,
         (at, share): (&Point, f64),
         near: &[(f64, usize)],
         weights: &[f64],
     ) -> Option<Vec<(usize, f64)>> {
         let size = (near[near.len() - 1].0).sqrt().max(1e-12);
-        let isotropic = self.microfacets.is_isotropic();
-        let across = if isotropic { 4 } else { 5 };
-        let terms = across + 1;
-        let mut basis = DMatrix::<f64>::zeros(near.len(), terms);
-        for (row, (_, k)) in near.iter().enumerate() {
-            let p = self.image(*k, at);
-            basis[(row, 0)] = 1.0;
-            for t in 1..across {
-                basis[(row, t)] = (p[t - 1] - at[t - 1]) / size;
-            }
-            basis[(row, across)] = self.share[*k] - share;
-        }
-        let mut normal = DMatrix::<f64>::zeros(terms, terms);
-        let all: f64 = weights.iter().sum();
-        for row in 0..near.len() {
-            for a in 0..terms {
-                for b in 0..terms {
-                    normal[(a, b)] += weights[row] * basis[(row, a)] * basis[(row, b)];
+        let row = |k: usize| {
+            let p = self.image(k, at);
+            SVector::<f64, TERMS>::from_fn(|t, _| match t {
+                0 => 1.0,
+                t if t + 1 == TERMS => self.share[k] - share,
+                t => (p[t - 1] - at[t - 1]) / size,
+            })
+        };
+        let basis: Vec<SVector<f64, TERMS>> = near.iter().map(|(_, k)| row(*k)).collect();
+        let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+        for (row, weight) in basis.iter().zip(weights) {
+            let weighted = *weight * row;
+            for a in 0..TERMS {
+                for b in 0..TERMS {
+                    normal[(a, b)] += weighted[a] * row[b];
                 }
             }
         }
+        let all: f64 = weights.iter().sum();
         // Slopes that the neighbours hardly decide are held near 0.
-        for t in 1..terms {
+        for t in 1..TERMS {
             normal[(t, t)] += 1e-4 * all;
         }
-        let mut unit = DVector::<f64>::zeros(terms);
+        let mut unit = SVector::<f64, TERMS>::zeros();
         unit[0] = 1.0;
         let solved = normal.cholesky()?.solve(&unit);
         let parts: Vec<(usize, f64)> = near
             .iter()
-            .enumerate()
-            .map(|(row, (_, k))| (*k, weights[row] * (basis.row(row) * &solved)[0]))
+            .zip(basis.iter().zip(weights))
+            .map(|((_, k), (row, weight))| (*k, weight * row.dot(&solved)))
             .collect();
         // Weights that overshoot are an extrapolation.
         let spread: f64 = parts.iter().map(|p| p.1.abs()).sum();
