@@ -1,8 +1,8 @@
 //! Samples put together into a material.
 
 use crate::material::cases::{
-    Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, density_beside, from_plan, glossy,
-    glossy_whole, measured, paint, rising, spectrum, whole,
+    MATERIALS, OTHER, SIX, WAVELENGTHS_NM, coarse, density, density_beside, from_plan, glossy,
+    glossy_whole, measured, of_rig, paint, spectrum, whole,
 };
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
@@ -219,10 +219,7 @@ fn what_the_ndf_does_not_say_comes_from_the_samples() {
 #[test]
 fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let (name, law) = MATERIALS[2];
-    let ndf = density(law);
-    let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
-    let samples = measured(law, &ndf, &plan);
-    let made = assemble(&samples, &ndf, &coarse()).unwrap();
+    let (ndf, made) = of_rig(name);
     let back = material(name, "memory", &made.file).unwrap();
     for (theta_i, most) in [(10.0, 0.06), (30.0, 0.06), (50.0, 0.06), (70.0, 0.1)] {
         for phi in [0.0, 60.0, 120.0, 180.0] {
@@ -242,7 +239,7 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let far = made.coverage.iter().find(|c| c.theta_i_deg > 68.0).unwrap();
     assert!(far.extrapolated_cells > 0.5 && far.extrapolated_albedo > 0.3, "{far:?}");
     assert!(matches!(
-        assemble(&Samples::default(), &ndf, &coarse()),
+        assemble(&Samples::default(), ndf, &coarse()),
         Err(AssembleError::TooFew { .. })
     ));
 }
@@ -251,13 +248,9 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
 /// directions of each where f cosθ exceeds 1e-3 of that in the mirrored direction, and says something: its median is below a factor of 1.5. (It misses the mirrored directions beyond 65°, where F rises.)
 #[test]
 fn the_doubt_of_what_is_extrapolated_holds_the_error() {
-    let more: [Known; 3] = [OTHER, ("paint", paint), ("rising", rising)];
     let mut missed = Vec::new();
-    for (name, law) in MATERIALS.into_iter().chain(more) {
-        let ndf = density(law);
-        let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
-        let samples = measured(law, &ndf, &plan);
-        let made = assemble(&samples, &ndf, &coarse()).unwrap();
+    for (name, law) in SIX {
+        let (_, made) = of_rig(name);
         let back = material(name, "memory", &made.file).unwrap();
         let (mut held, mut all, mut doubts, mut off) = (0, 0, Vec::new(), Vec::new());
         for d in made.doubts.iter().filter(|d| d.extrapolated) {

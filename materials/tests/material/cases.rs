@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::OnceLock;
 use sunglint_materials::assemble::{AssembleOptions, Assembled, assemble};
 use sunglint_materials::ndf::{Ndf, NdfOptions, extract};
-use sunglint_materials::plan::{PlanOptions, plan};
+use sunglint_materials::plan::{PlanOptions, Rig, plan};
 use sunglint_materials::samples::{Sample, Samples};
 use sunglint_materials::table::{Reading, RetroFlags, RetroTable};
 
@@ -68,7 +68,7 @@ pub fn glossy(i: DVec3, o: DVec3) -> f64 {
 }
 
 /// GGX of 0.4 whose Fresnel term rises (Schlick from 0.1), each direction masked by itself.
-pub fn rising(i: DVec3, o: DVec3) -> f64 {
+fn rising(i: DVec3, o: DVec3) -> f64 {
     let a2: f64 = 0.16;
     let h = (i + o).normalize();
     let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
@@ -189,6 +189,23 @@ pub fn whole(name: &str) -> &'static Assembled {
     let at = MATERIALS.iter().position(|known| known.0 == name).unwrap();
     let options = AssembleOptions::default();
     MADE[at].get_or_init(|| from_plan(MATERIALS[at].1, (16, 17), &options))
+}
+
+/// Those three, and three that the NDF does not describe.
+pub const SIX: [Known; 6] =
+    [MATERIALS[0], MATERIALS[1], MATERIALS[2], OTHER, ("paint", paint), ("rising", rising)];
+
+/// Returns what comes of one of the six from a rig in one plane, with its NDF; assembled once for all tests.
+pub fn of_rig(name: &str) -> &'static (Ndf, Assembled) {
+    static MADE: [OnceLock<(Ndf, Assembled)>; 6] = [const { OnceLock::new() }; 6];
+    let at = SIX.iter().position(|known| known.0 == name).unwrap();
+    MADE[at].get_or_init(|| {
+        let (_, law) = SIX[at];
+        let ndf = density(law);
+        let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
+        let made = assemble(&measured(law, &ndf, &plan), &ndf, &coarse()).unwrap();
+        (ndf, made)
+    })
 }
 
 /// The glossy paint on a plan of its lobe, with the diffuse light taken off the NDF; assembled once.
