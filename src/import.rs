@@ -81,6 +81,9 @@ pub fn run(args: &ImportArgs, console: Console) -> anyhow::Result<()> {
         others.push((path.clone(), text.into_bytes()));
     }
     let summary = Summary::new(&import);
+    for warning in &summary.warnings {
+        console.warn(warning);
+    }
     let stem = args.file.file_stem().unwrap_or_default().to_string_lossy();
     let product = summary.product(&stem, &import)?;
     args.out.finish_with(&product, others, &summary.text(&args.file), console)

@@ -247,3 +247,63 @@ fn every_command_reads_rows_in_any_order() {
         }
     }
 }
+
+/// Fluxes of 0 and below and uncertainties that are none (synthetic). Truth: the numbers of the table. All fluxes come back as they were, through a table that is imported again; magnitudes are those of fluxes above 0
+/// alone (−2.5 lg 100 = −5, and 2.5/ln 10 · 5/100 = 0.0543 mag); no infinite or negative number is written anywhere; the first bad row of each kind is named.
+#[test]
+fn fluxes_of_0_and_below_are_data() {
+    let folder = Folder::new("dark-fluxes");
+    let flux = |i: usize| match i {
+        3 => 0.0,
+        4 => -7.5,
+        _ => 100.0 + 10.0 * (i % 5) as f64,
+    };
+    let sigma = |i: usize| match i {
+        5 => "0",
+        6 => "-1",
+        7 => "inf",
+        _ => "5",
+    };
+    let row = |i: usize| format!("2024-02-28T16:56:{i:02}Z,{},{}\n", flux(i), sigma(i));
+    let text = (0..40).map(row).collect::<String>();
+    std::fs::write(folder.path("f.csv"), format!("time_utc,flux,flux_err\n{text}")).unwrap();
+    let out = folder.run(&["import", "f.csv", "-o", "i.ecsv", "-o", "i.csv", "--alcdef", "i.txt"]);
+    let said = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success(), "{said}");
+    for words in [
+        "fluxes that are not above 0: 2 of 40 (the first: 0 in row 4)",
+        "uncertainties that are not above 0 and finite: 3 of 40 (the first: 0 in row 6)",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    for file in ["i.ecsv", "i.csv", "i.txt"] {
+        let text = std::fs::read_to_string(folder.path(file)).unwrap();
+        let bad = |word: &str| word.contains("inf") || word == "-1" || word.starts_with("-0.0");
+        let bad = |line: &&str| line.starts_with(['2', 'D']) && line.split([',', ' ', '|']).any(bad);
+        assert_eq!(text.lines().find(bad), None, "{file}");
+        assert_eq!(text.lines().filter(|l| l.starts_with("DATA=")).count(), if file == "i.txt" { 38 } else { 0 });
+    }
+    let table = sunglint_formats::ecsv::read(folder.path("i.ecsv")).unwrap();
+    let column = |name: &str| table.f64(name).unwrap().into_owned();
+    assert!(column("flux").iter().enumerate().all(|(i, f)| *f == flux(i)));
+    let (magnitude, sigma_mag) = (column("magnitude"), column("sigma_mag"));
+    assert!((magnitude[0] + 5.0).abs() < 1e-12 && (sigma_mag[0] - 0.0543).abs() < 1e-4);
+    assert!(magnitude[3].is_nan() && magnitude[4].is_nan() && sigma_mag[4].is_nan());
+    assert!(column("sigma_flux")[5..8].iter().all(|s| s.is_nan()));
+    // What is written is read as fluxes again, and every one of the 40 counts.
+    for file in ["f.csv", "i.ecsv"] {
+        let folded = folder.json(&["analyse", "fold", file, "--period", "5", "--bins", "5", "--json"]);
+        assert_eq!(folded["channels"][0]["samples"], 40, "{file}: {folded}");
+        assert!(folded["warnings"].to_string().contains("the first: 0 in row 6"), "{file}: {folded}");
+    }
+    let again = folder.json(&["import", "i.ecsv", "--json"]);
+    assert_eq!((&again["with_magnitude"], &again["is_relative"]), (&38.into(), &true.into()));
+    // No flux above 0 and no uncertainty: that is what is said.
+    std::fs::write(folder.path("d.csv"), "time_utc,flux\n2024-02-28T16:56:00Z,-1\n2024-02-28T16:56:01Z,-2\n").unwrap();
+    let dark = folder.refused(1, &["analyse", "fold", "d.csv", "--period", "5"]);
+    assert!(dark.contains("flux above 0"), "{dark}");
+    std::fs::write(folder.path("n.csv"), "time_utc,mag\n2024-02-28T16:56:00Z,nan\n2024-02-28T16:56:01Z,nan\n").unwrap();
+    let none = folder.refused(1, &["analyse", "fold", "n.csv", "--period", "5"]);
+    assert!(none.contains("the column mag has no number in any of 2 rows"), "{none}");
+}
+

@@ -210,6 +210,9 @@ fn read_curve(
     let (named, notes) = match CurveFile::read(path, bytes, magnitudes)? {
         CurveFile::Rates(table) => {
             let mut curve = LightCurve::from_table(path, &table)?;
+            let unsure = curve.without_sigma().into_iter();
+            let unsure: Vec<String> =
+                unsure.map(|w| format!("{w}: all samples of its channel weigh alike")).collect();
             curve.sort();
             let mut named = NamedCurve {
                 curve,
@@ -222,7 +225,7 @@ fn read_curve(
             };
             let doubled = named.curve.drop_doubled();
             let note = (doubled > 0).then(|| given_twice(doubled, "flags"));
-            (named, note.into_iter().collect())
+            (named, note.into_iter().chain(unsure).collect())
         }
         // In the order of time already, and the labels with it.
         CurveFile::Magnitudes(mut b) => {

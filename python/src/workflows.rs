@@ -494,7 +494,7 @@ fn read_photometry<'py>(
         let stem = own.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let product = summary.product(&stem, &read)?;
         let text = summary.text(&own);
-        Ok((read, Outcome::new(product, text, Vec::new())))
+        Ok((read, Outcome::new(product, text, summary.warnings.clone())))
     })?;
     let out = PyDict::new(py);
     out.set_item("format", read.format)?;

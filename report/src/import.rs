@@ -4,7 +4,7 @@ use crate::{Product, ProductError};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
-use sunglint_formats::photometry::Import;
+use sunglint_formats::photometry::{Import, UNKNOWN, ZERO_POINT};
 use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Meta, Table, Values};
@@ -58,6 +58,8 @@ pub struct Summary {
     pub unused: Vec<String>,
     /// Limits and meaning of what was read.
     pub notes: Vec<String>,
+    /// Numbers that cannot be what they stand for, and what became of them.
+    pub warnings: Vec<String>,
     /// What commands would need beyond this.
     pub needs: Vec<Need>,
 }
@@ -101,6 +103,7 @@ impl Summary {
                 .collect(),
             unused: import.unused.clone(),
             notes,
+            warnings: s.warnings.clone(),
             needs: import
                 .needs()
                 .into_iter()
@@ -151,7 +154,7 @@ impl Summary {
         text
     }
 
-    /// The samples as a table that every command reads, with the summary as JSON.
+    /// The samples as a table that every command reads, with the summary as JSON. Fluxes stand beside their magnitudes, and are what is read again.
     ///
     /// # Errors
     /// A summary that JSON cannot hold.
@@ -163,6 +166,8 @@ impl Summary {
         ];
         let optional = [
             ("sigma_mag", Some("mag"), &s.sigma_mag),
+            ("flux", None, &s.flux),
+            ("sigma_flux", None, &s.sigma_flux),
             ("exposure_s", Some("s"), &s.exposure_s),
             ("range_km", Some("km"), &s.range_km),
             ("phase_deg", Some("deg"), &s.phase_deg),
@@ -181,6 +186,9 @@ impl Summary {
         }
         let mut meta = Meta::default();
         meta.insert("source_format".into(), self.format.into());
+        if s.flux.is_some() {
+            meta.insert(ZERO_POINT.into(), UNKNOWN.into());
+        }
         if !self.target.is_empty() {
             meta.insert("target".into(), self.target.clone().into());
         }

@@ -246,6 +246,11 @@ pub struct ColumnNames {
     pub sigma: Option<String>,
 }
 
+/// Metadata of a table whose magnitudes are those of the fluxes beside them: [`UNKNOWN`].
+pub const ZERO_POINT: &str = "zero_point";
+/// Value of [`ZERO_POINT`]: the fluxes are what was measured.
+pub const UNKNOWN: &str = "unknown";
+
 /// A column by its name, letter case aside; an exact one first.
 pub(super) fn find<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
     let names = || table.columns.iter().map(|c| c.name.as_str());
@@ -262,6 +267,10 @@ impl ColumnNames {
 
     /// Name of the table's column of magnitudes.
     pub fn magnitude_of<'a>(&self, table: &'a Table) -> Option<&'a str> {
+        let is_of_flux = table.meta_text(ZERO_POINT) == Some(UNKNOWN);
+        if self.magnitude.is_none() && is_of_flux && self.flux_of(table).is_some() {
+            return None;
+        }
         let found = Self::of(table, self.magnitude.as_deref(), &MAGNITUDES)?;
         // A flux that was asked for is one.
         (self.magnitude.is_none() || !is_flux(table, found)).then_some(found)

@@ -89,6 +89,10 @@ pub fn import(
             super::without_words_for_none(standard);
         }
     }
+    if let Some(sigma) = &mut samples.sigma_mag {
+        // Of fluxes it was told already.
+        samples.warnings.extend(super::without_false_uncertainties(sigma));
+    }
     let repeated = samples.repeated();
     if repeated > 0 {
         samples.notes.push(format!(
@@ -134,13 +138,25 @@ fn of_table(
     }
     if of_flux {
         samples.is_relative = true;
-        let flux = samples.magnitude.clone();
-        if let Some(sigma) = &mut samples.sigma_mag {
-            let to_mag = 2.5 / std::f64::consts::LN_10;
-            sigma.iter_mut().zip(&flux).for_each(|(s, f)| *s *= to_mag / f.abs());
+        let flux = std::mem::take(&mut samples.magnitude);
+        let mut sigma = samples.sigma_mag.take();
+        samples.warnings.extend(sigma.as_mut().and_then(|s| super::without_false_uncertainties(s)));
+        let magnitude = |f: f64| if f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
+        let to_mag = 2.5 / std::f64::consts::LN_10;
+        let share = |(s, f): (&f64, &f64)| if *f > 0.0 { to_mag * s / f } else { f64::NAN };
+        samples.magnitude = flux.iter().map(|f| magnitude(*f)).collect();
+        samples.sigma_mag = sigma.as_ref().map(|s| s.iter().zip(&flux).map(share).collect());
+        let is_dark = |f: &f64| *f <= 0.0;
+        if let Some(first) = flux.iter().position(is_dark) {
+            let n = flux.iter().filter(|f| is_dark(f)).count();
+            samples.warnings.push(format!(
+                "fluxes that are not above 0: {n} of {} (the first: {} in row {}); they are kept as fluxes, have no magnitude, and are left out where magnitudes are written (--tdm, --alcdef)",
+                flux.len(),
+                flux[first],
+                first + 1
+            ));
         }
-        let of_flux = |f: &f64| if *f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
-        samples.magnitude = flux.iter().map(of_flux).collect();
+        (samples.flux, samples.sigma_flux) = (Some(flux), sigma);
     }
     let mut optional = |meaning: &'static str, usual: &[(&str, f64)]| {
         let (name, factor) = usual.iter().find_map(|(name, f)| Some((find(table, name)?, f)))?;

@@ -1,4 +1,4 @@
-//! Numbers that stand for a missing magnitude.
+//! Numbers that stand for a missing magnitude, and uncertainties that are none.
 
 /// Magnitudes beyond it are words for a missing one (99.99, 999).
 const MOST_MAG: f64 = 90.0;
@@ -31,4 +31,21 @@ pub fn without_words_for_none(magnitudes: &mut [f64]) -> Option<String> {
             "{lost} magnitudes are words for a missing one (beyond ±90, or -9.99 or 0 far from all others): left out"
         )
     })
+}
+
+/// Makes NaN of uncertainties that are none (0, below 0 or infinite), and returns the warning that names the first of their rows, counted from 1. NaN stands for "not stated" already.
+pub fn without_false_uncertainties(sigma: &mut [f64]) -> Option<String> {
+    let is_false = |s: f64| s <= 0.0 || s.is_infinite();
+    let first = sigma.iter().position(|s| is_false(*s))?;
+    let value = sigma[first];
+    let mut lost = 0;
+    for s in sigma.iter_mut().filter(|s| is_false(**s)) {
+        *s = f64::NAN;
+        lost += 1;
+    }
+    Some(format!(
+        "uncertainties that are not above 0 and finite: {lost} of {} (the first: {value} in row {}); these rows count as rows without one",
+        sigma.len(),
+        first + 1
+    ))
 }

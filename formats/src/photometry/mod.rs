@@ -23,11 +23,11 @@ mod xml;
 
 pub use crate::time::{Scale, moment};
 pub use columns::{
-    ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, column_times, exposures,
-    filter_column, without_signs_of_fluxes,
+    ColumnNames, ColumnTimes, Exposures, TIME_COLUMNS, TimeFormat, UNKNOWN, ZERO_POINT,
+    column_times, exposures, filter_column, without_signs_of_fluxes,
 };
 pub use import::{Import, ImportError, import};
-pub use missing::without_words_for_none;
+pub use missing::{without_false_uncertainties, without_words_for_none};
 pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
 use crate::text::counted;
@@ -81,6 +81,10 @@ pub struct Photometry {
     pub standard: Option<Vec<f64>>,
     /// Standard uncertainties, mag; NaN where a row has none.
     pub sigma_mag: Option<Vec<f64>>,
+    /// Fluxes in the file's unit, where it has them in place of magnitudes. Those of 0 or below are data, too, and have no magnitude.
+    pub flux: Option<Vec<f64>>,
+    /// Standard uncertainties of the fluxes; NaN where a row has none.
+    pub sigma_flux: Option<Vec<f64>>,
     /// Ranges, km.
     pub range_km: Option<Vec<f64>>,
     /// Phase angles, degrees.
@@ -101,6 +105,8 @@ pub struct Photometry {
     pub target: String,
     /// Statements of the file that change what its numbers mean, in words.
     pub notes: Vec<String>,
+    /// Numbers of the file that cannot be what they stand for, and what became of them.
+    pub warnings: Vec<String>,
 }
 
 impl Photometry {
@@ -115,6 +121,8 @@ impl Photometry {
         let numbers = [
             &mut self.standard,
             &mut self.sigma_mag,
+            &mut self.flux,
+            &mut self.sigma_flux,
             &mut self.range_km,
             &mut self.phase_deg,
             &mut self.exposure_s,
@@ -131,7 +139,7 @@ impl Photometry {
         let mut seen = std::collections::HashSet::new();
         let is_again = |i: &usize| {
             let text = |c: &Option<Vec<String>>| c.as_ref().map(|c| c[*i].clone());
-            let numbers = [number(&self.range_km, *i), number(&self.phase_deg, *i)];
+            let numbers = [&self.range_km, &self.phase_deg, &self.flux].map(|c| number(c, *i));
             let texts = [text(&self.session), text(&self.filter), text(&self.camera)];
             let time = crate::time::tai_nanoseconds(self.time[*i]);
             !seen.insert((time, self.magnitude[*i].to_bits(), numbers, texts))

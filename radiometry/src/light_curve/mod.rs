@@ -290,6 +290,25 @@ impl LightCurve {
         }
     }
 
+    /// Warnings about measured samples whose uncertainty is 0, which say nothing of how much they weigh, with the first row of each channel (from 1). Ask before the samples are sorted.
+    pub fn without_sigma(&self) -> Vec<String> {
+        if self.kind == RateKind::Predicted {
+            return Vec::new();
+        }
+        let none = |c: &ChannelCurve| {
+            let is = |i: &usize| c.sigma_hz[*i] == 0.0 && c.rate_hz[*i].is_finite();
+            let rows: Vec<usize> = (0..c.sigma_hz.len().min(c.rate_hz.len())).filter(is).collect();
+            Some(format!(
+                "{}_sigma_hz is 0 in {} of {} rows (the first is row {}); such a sample has no uncertainty",
+                c.name,
+                rows.len(),
+                c.sigma_hz.len(),
+                rows.first()? + 1
+            ))
+        };
+        self.channels.iter().filter_map(none).collect()
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.samples.time.len()

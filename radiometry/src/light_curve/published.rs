@@ -165,8 +165,20 @@ pub enum PublishedError {
 #[non_exhaustive]
 pub enum Unusable {
     /// No number.
-    #[error("none of {} has a number", counted(*.0, "row"))]
-    NoNumber(usize),
+    #[error(
+        "the column {column} has no number in any of {} (all are empty, nan or words for a missing value)", counted(*rows, "row")
+    )]
+    NoNumber {
+        /// Number of rows.
+        rows: usize,
+        /// The column.
+        column: String,
+    },
+    /// Fluxes alone that are not above 0 and have no uncertainty.
+    #[error(
+        "none of {} has a flux above 0, and no column says the uncertainties of the others", counted(*.0, "row")
+    )]
+    Dark(usize),
     /// All are the same.
     #[error("{} of {value}: constant light has no noise of its own", counted(*rows, "row"))]
     Constant {
@@ -278,13 +290,14 @@ impl CurveFile {
             Some(name) => Some(table.f64(name)?.into_owned()),
             None => None,
         };
+        notes.extend(sigma.as_mut().and_then(|s| photometry::without_false_uncertainties(s)));
+        let (mut flux, mut sigma_flux) = (None, None);
         if is_flux {
-            // Fluxes in any unit: their magnitudes have a zero point of their own.
-            if let Some(sigma) = &mut sigma {
-                sigma.iter_mut().zip(&magnitudes).for_each(|(s, f)| *s /= PER_MAG * f.abs());
-            }
+            // Fluxes in any unit: their magnitudes have a zero point of their own, and those of 0 or below have none.
             let of_flux = |f: f64| if f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
-            magnitudes.iter_mut().for_each(|m| *m = of_flux(*m));
+            let own = magnitudes.iter().map(|f| of_flux(*f)).collect();
+            flux = Some(std::mem::replace(&mut magnitudes, own));
+            sigma_flux = sigma.take();
         }
         let rows = Rows {
             times,
@@ -294,6 +307,8 @@ impl CurveFile {
             sigma,
             exposure_s,
             labels: labels(&table),
+            flux,
+            sigma_flux,
             is_flux,
             ..Rows::default()
         };
@@ -308,7 +323,7 @@ impl CurveFile {
         if let Some(own) = options.rows.of_table(&table).map_err(objects)?.keep {
             keep.iter_mut().zip(own).for_each(|(k, own)| *k &= own);
         }
-        let mut brightness = Brightness::of_rows(path, rows.kept(&keep), options)?;
+        let mut brightness = Brightness::of_rows(path, name, rows.kept(&keep), options)?;
         brightness.is_relative = is_flux;
         brightness.column = name.to_owned();
         notes.append(&mut brightness.notes);
@@ -345,7 +360,7 @@ pub struct Brightness {
     pub doubled: usize,
     /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
     pub flux: Vec<f64>,
-    /// Standard uncertainty of the flux: [`Brightness::share`] of the track's brightness about each sample.
+    /// Standard uncertainty of the flux: the file's own of fluxes, else [`Brightness::share`] of the track's brightness about each sample.
     pub sigma: Vec<f64>,
     /// Standard uncertainty as a share of the flux: 0.921 for each magnitude that the file, the options or the track's white noise says; NaN where nothing does.
     pub share: Vec<f64>,
@@ -402,12 +417,14 @@ impl Brightness {
             }
             _ => read.magnitude,
         };
+        let mut sigma = read.sigma_mag;
+        let false_sigma = sigma.as_mut().and_then(|s| photometry::without_false_uncertainties(s));
         let rows = Rows {
             times: read.time,
             magnitudes,
             range_km: read.range_km,
             phase_deg: read.phase_deg,
-            sigma: read.sigma_mag,
+            sigma,
             exposure_s: read.exposure_s,
             labels,
             cameras: read.camera,
@@ -415,17 +432,19 @@ impl Brightness {
             is_flux: read.is_relative,
             ..Rows::default()
         };
-        let mut curve = Self::of_rows(path, rows, options)?;
+        let mut curve = Self::of_rows(path, "magnitude", rows, options)?;
         curve.is_relative = read.is_relative;
         curve.column = "magnitude".into();
         curve.target = read.target;
         let own = std::mem::replace(&mut curve.notes, read.notes);
+        curve.notes.extend(false_sigma);
         curve.notes.extend(own);
         Ok(curve)
     }
 
     fn of_rows(
         path: &Path,
+        column: &str,
         rows: Rows,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
@@ -444,17 +463,16 @@ impl Brightness {
             kind: options.kind,
             column,
         };
-        let apparent: Vec<f64> = match options.kind {
-            _ if options.as_written => rows.magnitudes.clone(),
-            MagnitudeKind::Apparent => rows.magnitudes.clone(),
+        // What makes the file's magnitudes apparent ones, mag.
+        let shift: Vec<f64> = match options.kind {
+            _ if options.as_written => vec![0.0; n],
+            MagnitudeKind::Apparent => vec![0.0; n],
             MagnitudeKind::Ground => {
                 return Err(PublishedError::Ground { path: path.to_path_buf() });
             }
             MagnitudeKind::Range | MagnitudeKind::Standard => {
                 let range = rows.range_km.as_ref().ok_or_else(|| missing("range_km"))?;
-                let mut all: Vec<f64> = (rows.magnitudes.iter().zip(range))
-                    .map(|(m, r)| m + 5.0 * (r / 1000.0).log10())
-                    .collect();
+                let mut all: Vec<f64> = range.iter().map(|r| 5.0 * (r / 1000.0).log10()).collect();
                 if options.kind == MagnitudeKind::Standard {
                     let phase = rows.phase_deg.as_ref().ok_or_else(|| missing("phase_deg"))?;
                     for (m, g) in all.iter_mut().zip(phase) {
@@ -464,8 +482,14 @@ impl Brightness {
                 all
             }
         };
+        let apparent: Vec<f64> = rows.magnitudes.iter().zip(&shift).map(|(m, s)| m + s).collect();
+        let to_apparent = |values: &Vec<f64>| -> Vec<f64> {
+            values.iter().zip(&shift).map(|(v, s)| v * 10_f64.powf(-0.4 * s)).collect()
+        };
+        let sigma_flux = rows.sigma_flux.as_ref().map(to_apparent);
+        let has_sigma = rows.sigma.is_some() || sigma_flux.is_some();
         let usual_s = usual_step_s(&rows.times.iter().map(|t| seconds(*t)).collect::<Vec<_>>());
-        let has_noise = rows.sigma.is_some() || options.sigma_mag.is_some() || options.as_written;
+        let has_noise = has_sigma || options.sigma_mag.is_some() || options.as_written;
         let gap_s = if has_noise { GAP_S } else { GAP_S.max(GAP_STEPS * usual_s) };
         if gap_s > GAP_S {
             notes.push(format!(
@@ -490,14 +514,19 @@ impl Brightness {
             let white = white_noise(&values(track)).or(of_all).filter(|_| !options.as_written);
             let own = options.sigma_mag.or(white);
             for i in track {
-                let stated =
-                    rows.sigma.as_ref().map(|s| s[*i]).filter(|s| *s > 0.0 && s.is_finite());
+                let stated = rows
+                    .sigma
+                    .as_ref()
+                    .or(sigma_flux.as_ref())
+                    .map(|s| s[*i])
+                    .filter(|s| s.is_finite());
                 unstated += usize::from(stated.is_none());
-                sigma_mag[*i] = stated.or(own).unwrap_or(f64::NAN);
+                // That of a flux is no magnitude, and is set below.
+                sigma_mag[*i] = stated.filter(|_| sigma_flux.is_none()).or(own).unwrap_or(f64::NAN);
             }
             noise.push((rows.times[track[0]], own.unwrap_or(f64::NAN), track.len()));
         }
-        if rows.sigma.is_some() && unstated > 0 {
+        if has_sigma && unstated > 0 {
             let instead = match (options.sigma_mag, options.as_written) {
                 (Some(noise), _) => format!(": {noise} mag counts for them"),
                 (None, true) => String::new(),
@@ -505,11 +534,20 @@ impl Brightness {
             };
             notes.push(format!("{unstated} of {n} samples have no uncertainty above 0{instead}"));
         }
-        let flux: Vec<f64> = apparent.iter().map(|m| 10_f64.powf(-0.4 * m)).collect();
+        let flux: Vec<f64> = match &rows.flux {
+            Some(flux) => to_apparent(flux),
+            None => apparent.iter().map(|m| 10_f64.powf(-0.4 * m)).collect(),
+        };
         // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
         let smooth = running_median(&tracks, &flux, n);
-        let share: Vec<f64> = sigma_mag.iter().map(|s| PER_MAG * s).collect();
-        let sigma = (0..n).map(|i| share[i] * smooth[i]).collect();
+        let mut share: Vec<f64> = sigma_mag.iter().map(|s| PER_MAG * s).collect();
+        let mut sigma: Vec<f64> = (0..n).map(|i| share[i] * smooth[i]).collect();
+        for i in 0..n {
+            if let Some(stated) = sigma_flux.as_ref().map(|s| s[i]).filter(|s| s.is_finite()) {
+                let of_light = if smooth[i] > 0.0 { stated / smooth[i] } else { f64::NAN };
+                (sigma[i], share[i]) = (stated, of_light);
+            }
+        }
         let is_exposure_known = rows.exposure_s.is_some();
         let exposure_s = rows.exposure_s.unwrap_or_else(|| vec![usual_s.clamp(1e-3, 10.0); n]);
         let curve = Self {
@@ -545,7 +583,8 @@ impl Brightness {
             };
             let longest = tracks.iter().map(own).max().unwrap_or(0);
             let why = match numbers.first() {
-                None => Unusable::NoNumber(n),
+                None if curve.flux.iter().any(|f| f.is_finite()) => Unusable::Dark(n),
+                None => Unusable::NoNumber { rows: n, column: column.to_owned() },
                 Some(value) if n > 1 && numbers.iter().all(|m| m == value) => {
                     Unusable::Constant { rows: n, value: *value }
                 }
@@ -607,6 +646,9 @@ struct Rows {
     range_km: Option<Vec<f64>>,
     phase_deg: Option<Vec<f64>>,
     sigma: Option<Vec<f64>>,
+    /// Fluxes and their uncertainties, where the file has them in place of magnitudes; those of 0 or below have no magnitude.
+    flux: Option<Vec<f64>>,
+    sigma_flux: Option<Vec<f64>>,
     exposure_s: Option<Vec<f64>>,
     labels: Option<Vec<Label>>,
     cameras: Option<Vec<String>>,
@@ -622,7 +664,14 @@ impl Rows {
     fn sorted(self) -> Self {
         let n = self.times.len();
         let keys: Vec<i128> = self.times.iter().map(|t| tai_nanoseconds(*t)).collect();
-        let numbers = [&self.range_km, &self.phase_deg, &self.sigma, &self.exposure_s];
+        let numbers = [
+            &self.flux,
+            &self.range_km,
+            &self.phase_deg,
+            &self.sigma,
+            &self.sigma_flux,
+            &self.exposure_s,
+        ];
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| {
             let by_label =
@@ -645,6 +694,8 @@ impl Rows {
             range_km: pick(self.range_km),
             phase_deg: pick(self.phase_deg),
             sigma: pick(self.sigma),
+            flux: pick(self.flux),
+            sigma_flux: pick(self.sigma_flux),
             exposure_s: pick(self.exposure_s),
             labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
             cameras: self.cameras.map(|c| order.iter().map(|i| c[*i].clone()).collect()),
@@ -665,6 +716,7 @@ impl Rows {
         let is_same = |i: usize| {
             self.times[i] == self.times[i - 1]
                 && self.magnitudes[i].to_bits() == self.magnitudes[i - 1].to_bits()
+                && same_number(&self.flux, i)
                 && same_number(&self.range_km, i)
                 && same_number(&self.phase_deg, i)
                 && self.labels.as_ref().is_none_or(|l| l[i] == l[i - 1])
@@ -688,6 +740,8 @@ impl Rows {
             range_km: pick(&order, self.range_km),
             phase_deg: pick(&order, self.phase_deg),
             sigma: pick(&order, self.sigma),
+            flux: pick(&order, self.flux),
+            sigma_flux: pick(&order, self.sigma_flux),
             exposure_s: pick(&order, self.exposure_s),
             labels: pick(&order, self.labels),
             cameras: pick(&order, self.cameras),
@@ -713,8 +767,11 @@ impl Rows {
                 self.range_km = None;
             } else if none > 0 {
                 notes.push(format!("{none} samples have a range of 0 or less: left out"));
-                let lost = self.magnitudes.iter_mut().zip(range).filter(|(_, r)| **r <= 0.0);
-                lost.for_each(|(m, _)| *m = f64::NAN);
+                for values in [Some(&mut self.magnitudes), self.flux.as_mut()].into_iter().flatten()
+                {
+                    let lost = values.iter_mut().zip(range).filter(|(_, r)| **r <= 0.0);
+                    lost.for_each(|(v, _)| *v = f64::NAN);
+                }
             }
         }
         if let Some(eclipsed) = &self.eclipsed {
