@@ -107,6 +107,25 @@ fn what_goes_wrong_is_said() {
         "{message}"
     );
     assert!(message.contains("same pass"), "{message}");
+    // Channels without uncertainties: one is told, and none left is refused with what to do.
+    let unsure = |c: &mut LightCurve| c.channels.iter_mut().for_each(|c| c.sigma_hz.fill(0.0));
+    let message = refused(&unsure, &[]);
+    assert!(
+        message.contains("uncertainty 0") && message.contains("NAME_sigma_hz"),
+        "{message}"
+    );
+    let mut one = predicted.clone();
+    one.kind = RateKind::Calibrated;
+    let name = one.channels[0].name.clone();
+    one.channels[0].sigma_hz.fill(0.0);
+    write(&folder, "m.ecsv", &one);
+    let told = folder.run(&["fit", "m.ecsv", "sphere.toml"]);
+    let told = String::from_utf8(told.stderr).unwrap();
+    assert!(
+        told.contains(&format!("the channel {name} does not count"))
+            && told.contains(&format!("{name}_sigma_hz")),
+        "{told}"
+    );
     let message = refused(&|_| (), &["--free", "material.surface.alfa"]);
     assert!(message.contains("nothing that can be fitted is called"), "{message}");
     assert!(

@@ -212,6 +212,7 @@ pub fn analyse(
     let (mut measured, mut left_out) = (Vec::new(), Vec::new());
     for ((curve, study), pass) in curves.iter().zip(&studies).zip(passes) {
         let (data, lost) = prepared(&curve.measured, study, &channels, 0.0)?;
+        warnings.extend(curve.measured.silent(&channels));
         left_out.push(lost);
         let unit = match curve.measured.magnitudes {
             true => Unit::Band(V),

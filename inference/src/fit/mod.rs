@@ -419,6 +419,7 @@ fn fit_without(
     for (curve, study) in curves.iter().zip(&studies) {
         let (mut own, lost) = prepared(&curve.measured, study, &channels, options.scintillation)?;
         own.in_the_mean();
+        warnings.extend(curve.measured.silent(&channels));
         left_out.push(lost);
         data.push(own);
     }

@@ -6,9 +6,13 @@ use hifitime::Epoch;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use sunglint_formats::text::counted;
 use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::published::{Brightness, CurveFile, MagnitudeOptions};
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
+
+/// Why a sample is left out whose uncertainty is 0.
+pub(super) const NO_SIGMA: &str = "uncertainty 0";
 
 /// A measured curve, ready to be fitted.
 #[derive(Debug, Clone)]
@@ -31,8 +35,8 @@ pub struct MeasuredCurve {
     pub is_exposure_known: bool,
     /// Which count.
     pub used: Array2<bool>,
-    /// How many were left out, and why.
-    pub left_out: BTreeMap<String, usize>,
+    /// How many were left out of each channel, and why.
+    pub left_out: Vec<BTreeMap<String, usize>>,
     /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
     /// Whether these are magnitudes.
@@ -57,9 +61,21 @@ impl MeasuredCurve {
         match CurveFile::read(path, bytes, options)? {
             CurveFile::Rates(table) => {
                 let mut curve = LightCurve::from_table(path, &table)?;
+                // Of a channel that has none at all [`Self::silent`] tells.
+                let all = |w: &String| {
+                    !curve.channels.iter().any(|c| {
+                        w.starts_with(&format!("{}_sigma_hz", c.name))
+                            && c.sigma_hz.iter().all(|s| *s == 0.0)
+                    })
+                };
+                let unsure = curve.without_sigma().into_iter().filter(all).collect::<Vec<_>>();
+                let unsure =
+                    unsure.into_iter().map(|w| format!("{}: {w} and is left out", path.display()));
                 curve.sort();
                 let doubled = curve.drop_doubled();
-                Self::of_curve(path, &curve, doubled)
+                let mut read = Self::of_curve(path, &curve, doubled)?;
+                read.warnings.extend(unsure);
+                Ok(read)
             }
             CurveFile::Magnitudes(brightness) if brightness.is_relative => {
                 Err(MeasuredError::Relative { path: path.to_path_buf() })
@@ -73,7 +89,7 @@ impl MeasuredCurve {
         let of_v = super::of_v(curve.labels.as_deref());
         let in_v = |i: usize| of_v.used.get(i).copied().unwrap_or(true);
         let used = Array2::from_shape_fn(shape, |(i, _)| curve.is_used(i) && in_v(i));
-        let mut left_out = BTreeMap::new();
+        let mut left_out: BTreeMap<String, usize> = BTreeMap::new();
         for i in (0..curve.times.len()).filter(|i| !used[[*i, 0]]) {
             let why = if in_v(i) { "no number" } else { "another filter than V" };
             *left_out.entry(why.to_owned()).or_default() += 1;
@@ -88,7 +104,7 @@ impl MeasuredCurve {
             share: Some(Array2::from_shape_fn(shape, |(i, _)| curve.share[i])),
             is_exposure_known: curve.is_exposure_known,
             used,
-            left_out,
+            left_out: vec![left_out],
             calibration: None,
             magnitudes: true,
             tracks: curve.tracks.clone(),
@@ -124,7 +140,7 @@ impl MeasuredCurve {
         };
         let (rate, sigma) = (at(&|c, i| c.rate_hz[i]), at(&|c, i| c.sigma_hz[i]));
         let mut used = Array2::from_elem(shape, false);
-        let mut left_out: BTreeMap<String, usize> = BTreeMap::new();
+        let mut left_out = vec![BTreeMap::<String, usize>::new(); curve.channels.len()];
         for (c, channel) in curve.channels.iter().enumerate() {
             for i in 0..curve.len() {
                 let worse = channel.flags[i].difference(TOLERATED);
@@ -142,9 +158,9 @@ impl MeasuredCurve {
                     .map(|(name, _)| format!("flag {}", name.to_lowercase()))
                     .collect();
                 if reasons.is_empty() {
-                    reasons.push(if known { "uncertainty 0".into() } else { "no number".into() });
+                    reasons.push(if known { NO_SIGMA.into() } else { "no number".into() });
                 }
-                *left_out.entry(reasons.join(" + ")).or_default() += 1;
+                *left_out[c].entry(reasons.join(" + ")).or_default() += 1;
             }
         }
         Ok(Self {
@@ -165,6 +181,32 @@ impl MeasuredCurve {
             file_rows: (0..curve.len()).collect(),
             warnings,
         })
+    }
+
+    /// Warnings about those of these channels that are in the curve and have no sample that counts: why, and what helps.
+    pub fn silent(&self, channels: &[String]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for (c, name) in self.channels.iter().enumerate() {
+            let lost: usize = self.left_out[c].values().sum();
+            if lost == 0 || self.used.column(c).iter().any(|u| *u) || !channels.contains(name) {
+                continue;
+            }
+            let why: Vec<String> =
+                self.left_out[c].iter().map(|(why, n)| format!("{n} {why}")).collect();
+            let advice = match self.left_out[c].contains_key(NO_SIGMA) {
+                true => format!(
+                    "state the uncertainties in {name}_sigma_hz, since without one nobody knows how much a sample weighs"
+                ),
+                false => "its flags say what was wrong with it".to_owned(),
+            };
+            warnings.push(format!(
+                "{}: the channel {name} does not count, none of its {} can be used ({}): {advice}",
+                self.name(),
+                counted(lost, "sample"),
+                why.join(", ")
+            ));
+        }
+        warnings
     }
 
     /// Whether two curves hold the same samples: times and light of every channel.

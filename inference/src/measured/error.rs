@@ -1,5 +1,6 @@
 //! Why curves and scenes cannot be brought together.
 
+use super::curve::NO_SIGMA;
 use crate::scene::SceneError;
 use std::path::PathBuf;
 use sunglint_formats::{FileError, ParseError};
@@ -12,8 +13,10 @@ fn reasons(left_out: &[(String, usize)]) -> String {
     all.join(", ")
 }
 
-fn advice(flagged: bool) -> &'static str {
-    if flagged {
+fn advice(left_out: &[(String, usize)], flagged: bool) -> &'static str {
+    if left_out.iter().any(|(why, _)| why == NO_SIGMA) {
+        "a sample counts by its uncertainty; state uncertainties above 0 in the columns NAME_sigma_hz"
+    } else if flagged {
         "every sample is flagged"
     } else {
         "do measured and simulated epochs belong to the same pass?"
@@ -112,7 +115,7 @@ pub enum MeasuredError {
         channel: String,
     },
     /// No sample that counts.
-    #[error("{}: no sample is left to be fitted ({}): {}", path.display(), reasons(.left_out), advice(*.flagged))]
+    #[error("{}: no sample is left to be fitted ({}): {}", path.display(), reasons(.left_out), advice(.left_out, *.flagged))]
     NothingLeft {
         /// The curve.
         path: PathBuf,

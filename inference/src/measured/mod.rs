@@ -205,8 +205,12 @@ pub fn prepared(
     data.used = Array2::from_shape_fn((n, channels.len()), |(i, c)| {
         from[c].is_some_and(|k| measured.used[[i, k]])
     });
+    let mut all = std::collections::BTreeMap::<&String, usize>::new();
+    for (why, count) in measured.left_out.iter().flatten() {
+        *all.entry(why).or_default() += count;
+    }
     let mut left_out: Vec<(String, usize)> =
-        measured.left_out.iter().map(|(why, count)| (why.clone(), *count)).collect();
+        all.into_iter().map(|(why, count)| (why.clone(), count)).collect();
     // A table of observations may have an observer of its own.
     let from_station = study.pass().observations.is_empty();
     let (mut hidden, mut shaded) = (0, 0);
