@@ -2,10 +2,11 @@
 
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
-use anyhow::Context as _;
+use anyhow::bail;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
-use sunglint_calibration::photometry::field::{FieldOptions, find};
+use sunglint_calibration::photometry::PhotometryError;
+use sunglint_calibration::photometry::field::{FieldOptions, constant, find};
 use sunglint_formats::FileError;
 use sunglint_formats::frame::Bayer;
 use sunglint_formats::image_frame::{Extension, ImageFrame, Mosaic, ReadOptions};
@@ -177,12 +178,25 @@ pub fn run(args: &DetectArgs, console: Console) -> anyhow::Result<()> {
         options.saturation_adu = frame.header.saturation_adu;
         options.gain_e_per_adu = frame.header.gain_e_per_adu;
         options.bayer = frame.header.bayer;
-        let field =
-            find(frame.pixels.view(), &options).with_context(|| path.display().to_string())?;
+        let field = match find(frame.pixels.view(), &options) {
+            Ok(field) => field,
+            Err(error @ PhotometryError::NoNumber { .. }) if files.len() > 1 => {
+                console.warn(&format!("{}: {error}", path.display()));
+                progress.advance(1);
+                continue;
+            }
+            Err(error) => return Err(anyhow::Error::new(error).context(path.display().to_string())),
+        };
+        if let Some(words) = constant(frame.pixels.view()) {
+            console.warn(&format!("{}: {words}", path.display()));
+        }
         frame.header.notes.extend(field.remarks.iter().cloned());
         frames.push(Detected::new(&frame.header, field, frame.pixels.view(), report::is_drawn(i)));
         progress.advance(1);
     }
     progress.end();
+    if frames.is_empty() {
+        bail!("none of {} frames holds a picture", files.len());
+    }
     args.out.finish(&report::product(&frames)?, &report::text(&frames), console)
 }

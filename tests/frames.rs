@@ -459,7 +459,9 @@ fn a_folder_of_nothing_says_why() {
             if !extension.is_empty() {
                 header.set("EXTNAME", *extension, "");
             }
-            let pixels = ndarray::ArrayD::from_elem(ndarray::IxDyn(shape), *value);
+            // Flats and covers would be constant: a step from pixel to pixel is a picture.
+            let mut pixels = ndarray::ArrayD::from_elem(ndarray::IxDyn(shape), *value);
+            pixels.iter_mut().enumerate().for_each(|(i, v)| *v += (i % 3) as u16);
             writer.image(&Image { header, pixels: Pixels::U16(pixels) }).unwrap();
         }
         writer.write_file(path, Overwrite::Refuse).unwrap();
@@ -490,3 +492,38 @@ fn a_folder_of_nothing_says_why() {
     let missing = folder.refused(1, &["detect", "two.fits", "--extension", "CHIP3"]);
     assert!(missing.contains("CHIP3") && missing.contains("CHIP1"), "{missing}");
 }
+
+/// Frames without a picture (synthetic): all pixels NaN, all of one value. Truth: by construction. `detect` and `reduce` say which it is; with a good frame beside them that one is still found, and a folder of
+/// nothing else ends with 1.
+#[test]
+fn frames_without_a_picture_are_told() {
+    let folder = Folder::new("no-picture");
+    std::fs::create_dir_all(folder.path("empty")).unwrap();
+    for (name, value) in [("nan", f32::NAN), ("even", 1890.0)] {
+        let mut header = Header::default();
+        header.set("DATE-OBS", "2026-03-04T20:00:00.250", "");
+        header.set("EXPTIME", 2.0, "");
+        let pixels = Pixels::F32(Array2::from_elem([60, 80], value).into_dyn());
+        let mut writer = Writer::new();
+        writer.image(&Image { header, pixels }).unwrap();
+        let path = folder.path("empty").join(format!("{name}.fits"));
+        writer.write_file(path, Overwrite::Refuse).unwrap();
+    }
+    let nan = folder.refused(1, &["detect", "empty/nan.fits"]);
+    assert!(nan.contains("nan.fits") && nan.contains("none of its 4800 pixels"), "{nan}");
+    let even = folder.run(&["detect", "empty/even.fits"]);
+    let said = String::from_utf8(even.stderr).unwrap();
+    assert!(said.contains("all of its 4800 pixels") && said.contains("1890"), "{said}");
+    let reduced = folder.refused(1, &["reduce", "empty"]);
+    assert!(reduced.contains("2 without a picture"), "{reduced}");
+    // One that is good, and both beside it.
+    let mut frame = Array2::from_elem([SIZE[1], SIZE[0]], 400.0);
+    point(&mut frame, [100.0, 150.0], LIGHT);
+    let path = folder.path("empty").join("good.fits");
+    write(&path, frame, &mut Chance(5), &[("DATE-OBS", "2021-03-04T20:00:00")]);
+    let all = folder.json(&["detect", "empty", "--json"]);
+    let frames = all["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 2, "{all}");
+    assert!(frames.iter().any(|f| f["points"].as_array().is_some_and(|p| p.len() == 1)), "{all}");
+}
+

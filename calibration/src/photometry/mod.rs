@@ -98,6 +98,14 @@ pub enum PhotometryError {
         /// Values that are allowed.
         expected: &'static str,
     },
+    /// No pixel of the frame is a number.
+    #[error(
+        "none of its {pixels} pixels is a number (all are NaN or infinite): there is nothing in this frame to be found; was it written whole, and are its BLANK, BZERO and BSCALE right?"
+    )]
+    NoNumber {
+        /// Pixels of the frame.
+        pixels: usize,
+    },
     /// Neither the frame nor the options say how many electrons an ADU is.
     #[error(
         "the frame has no gain (EGAIN): give the camera's gain_e_per_adu; without it the noise of the target is not known"

@@ -18,8 +18,9 @@ use crate::field_stars::{
     self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
     StarMeasurement, System, ZeroPoint,
 };
+use crate::photometry::PhotometryError;
 use crate::photometry::field::{
-    Along, Field, FieldOptions, Growth, along, cut_flat, find, green_light, plateau,
+    Along, Field, FieldOptions, Growth, along, constant, cut_flat, find, green_light, plateau,
 };
 use glam::{DVec2, DVec3};
 use hifitime::{Epoch, Unit};
@@ -194,6 +195,8 @@ pub struct Part {
 
 /// Why a file was left out that is damaged or none of frames.
 const UNREADABLE: &str = "cannot be read";
+/// Why a file was left out that holds no picture.
+const EMPTY: &str = "without a picture (all pixels are NaN, or all are the same)";
 
 /// A reduced folder.
 #[derive(Debug, Serialize)]
@@ -376,7 +379,8 @@ pub fn reduce_frames(
             }
         };
         let mut how = options.field.clone();
-        // Before darks and flats, which spread the value at which pixels are cut off.
+        // Before darks and flats, which spread the value at which pixels are cut off, and bring their own scatter.
+        let even = constant(frame.pixels.view());
         let told = frame.header.saturation_adu;
         let cut = plateau(frame.pixels.view()).filter(|p| told.is_none_or(|adu| p.adu < adu));
         let lowered = made.apply(&mut frame.pixels);
@@ -385,7 +389,18 @@ pub fn reduce_frames(
         without_gain += usize::from(how.gain_e_per_adu.is_none());
         how.fit_growth = true;
         how.bayer = frame.header.bayer;
-        let mut field = find(frame.pixels.view(), &how)?;
+        let empty = match find(frame.pixels.view(), &how) {
+            Err(error @ PhotometryError::NoNumber { .. }) => Err(error.to_string()),
+            Err(error) => return Err(error.into()),
+            Ok(field) => even.map_or(Ok(field), Err),
+        };
+        let mut field = match empty {
+            Ok(field) => field,
+            Err(why) => {
+                folder.leave(&header.path, EMPTY, &why);
+                continue;
+            }
+        };
         if let Some(cut) = cut {
             // The value is another one in each frame that is scaled; the fact is one.
             field.remarks.retain(|r| *r != cut.note());
@@ -398,6 +413,9 @@ pub fn reduce_frames(
             *folder.notes.entry((*note).to_owned()).or_default() += 1;
         }
         fields.push(Seen { time: *time, header, field, masters: number });
+    }
+    if fields.is_empty() {
+        return Err(ReduceError::NoFrame { left_out: folder.reasons(&entries) });
     }
     *folder.used.entry("light").or_default() += fields.len();
     if without_gain > 0 {

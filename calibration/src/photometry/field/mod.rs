@@ -232,7 +232,7 @@ pub(crate) struct Prepared {
 /// Finds and measures the sources and streaks of a frame (values in ADU, `[row, column]`; NaN is masked).
 ///
 /// # Errors
-/// An option out of its range; a frame smaller than 16 × 16 pixels.
+/// An option out of its range; a frame smaller than 16 × 16 pixels, or without a number.
 pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field, PhotometryError> {
     check(pixels, options)?;
     let size = [pixels.ncols(), pixels.nrows()];
@@ -321,9 +321,22 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
     })
 }
 
+/// The remark on a frame whose pixels all have one value, those aside that are no number; `None` of any other, and of one without a number.
+pub fn constant(pixels: ArrayView2<'_, f32>) -> Option<String> {
+    let mut numbers = pixels.iter().copied().filter(|v| v.is_finite());
+    let value = numbers.next()?;
+    numbers.all(|v| v == value).then(|| {
+        let n = pixels.iter().filter(|v| v.is_finite()).count();
+        format!(
+            "all of its {n} pixels that are numbers have the value {value}: it holds no picture; is it a cover, a mask, another plane (--extension), or darker than the camera's 0?"
+        )
+    })
+}
+
 /// Notes that a reader needs beside what is found in a frame; corrects the options by it.
 fn remarks(pixels: ArrayView2<'_, f32>, options: &mut FieldOptions) -> Vec<String> {
     let mut remarks = Vec::new();
+    remarks.extend(constant(pixels));
     if let Some(found) = plateau(pixels)
         && options.saturation_adu.is_none_or(|adu| found.adu < adu)
     {
@@ -370,6 +383,9 @@ fn check(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<(), Phot
     }
     if options.aperture_px.is_some_and(|radius| !(0.5..=500.0).contains(&radius)) {
         return bad("aperture_px", options.aperture_px.unwrap_or(f64::NAN), "0.5 to 500");
+    }
+    if !pixels.iter().any(|v| v.is_finite()) {
+        return Err(PhotometryError::NoNumber { pixels: pixels.len() });
     }
     Ok(())
 }
