@@ -307,3 +307,35 @@ fn fluxes_of_0_and_below_are_data() {
     assert!(none.contains("the column mag has no number in any of 2 rows"), "{none}");
 }
 
+/// Files of another kind than a command takes. Truth: the kind of each, as it was written here. The message names both kinds and what takes the file.
+#[test]
+fn a_file_of_another_kind_is_named() {
+    let folder = Folder::new("other-kinds");
+    std::fs::write(folder.path("scene.toml"), SPHERE_PASS).unwrap();
+    std::fs::write(folder.path("material.toml"), "[[material]]\nname = \"x\"\nmodel = \"lambert\"\nreflectance = 0.5\n").unwrap();
+    std::fs::write(folder.path("curve.ecsv"), crate::common::turning_curve()).unwrap();
+    std::fs::write(folder.path("b.bin"), [1_u8, 0, 0, 7].repeat(500)).unwrap();
+    std::fs::write(folder.path("packed.toml"), [0x1f_u8, 0x8b, 8, 0, 0, 0, 0, 0]).unwrap();
+    std::fs::write(folder.path("page.html"), "<!DOCTYPE html><html><body>log in</body></html>\n").unwrap();
+    crate::sky::draw(&folder, "frame.fits");
+    let fold = |file| vec!["analyse", "fold", file, "--period", "5"];
+    for (arguments, found, wanted, advice) in [
+        (fold("scene.toml"), "found a scene", "a light curve", "`simulate`"),
+        (fold("frame.fits"), "found a frame", "a light curve", "`detect`"),
+        (fold("b.bin"), "found a binary file", "a light curve", "no text"),
+        (fold("page.html"), "found a web page", "a light curve", "login"),
+        (vec!["import", "material.toml"], "found materials", "a light curve", "`brdf show`"),
+        (vec!["simulate", "material.toml"], "found materials", "expected a scene", "`brdf show`"),
+        (vec!["simulate", "curve.ecsv"], "found a light curve", "TOML", "`analyse`"),
+        (vec!["simulate", "packed.toml"], "packed with gzip", "text", "gunzip"),
+        (vec!["observe", "scene.toml", "--check"], "found a scene", "a night's plan", "`simulate`"),
+        (vec!["detect", "curve.ecsv"], "found a light curve", "FITS", "`analyse`"),
+        (vec!["detect", "scene.toml"], "found a scene", "FITS", "`simulate`"),
+    ] {
+        let error = folder.refused(1, &arguments);
+        for words in [found, wanted, advice] {
+            assert!(error.contains(words), "{arguments:?}: `{words}` is not in {error}");
+        }
+    }
+}
+

@@ -4,6 +4,7 @@
 //!
 //! - [`mod@read`] and [`atomic`]: a file whole from the disk, and whole or not at all onto it;
 //! - [`error`]: what a reader says when a file is not what it should be: path, line, field, found, expected, hint;
+//! - [`kind`]: which kind of file this is, by its content;
 //! - [`time`]: UTC as text, leap seconds included;
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
@@ -84,6 +85,7 @@ pub mod frame;
 pub mod fred;
 pub mod image_frame;
 pub mod jcamp;
+pub mod kind;
 pub mod merl;
 pub mod opus;
 pub mod photometry;

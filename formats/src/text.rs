@@ -39,6 +39,24 @@ pub fn counted(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
+/// Names in a row, of which at most ten are said: `a, b … and 7 more`.
+///
+/// ```
+/// use sunglint_formats::text::listed;
+///
+/// assert_eq!(listed(["a", "b"]), "a, b");
+/// assert_eq!(listed((0..13).map(|i| i.to_string())), "0, 1, 2, 3, 4, 5, 6, 7, 8, 9 … and 3 more");
+/// ```
+pub fn listed<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> String {
+    const MOST: usize = 10;
+    let names: Vec<S> = names.into_iter().collect();
+    let shown: Vec<&str> = names.iter().take(MOST).map(AsRef::as_ref).collect();
+    match names.len().saturating_sub(MOST) {
+        0 => shown.join(", "),
+        more => format!("{} … and {more} more", shown.join(", ")),
+    }
+}
+
 /// A text of several lines: the same, but for line feeds and tabs, which stay.
 pub fn printable(text: &str) -> Cow<'_, str> {
     replaced(text, |c| is_harmful(c) && c != '\n' && c != '\t')

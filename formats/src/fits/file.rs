@@ -269,6 +269,10 @@ impl Fits {
         let rest = &self.bytes[at..];
         let start: &[u8] = if index == 0 { b"SIMPLE  =" } else { b"XTENSION=" };
         if !rest.starts_with(start) {
+            if let (0, Some(kind)) = (index, crate::kind::of(rest)) {
+                let wanted = "a FITS file, which begins with `SIMPLE  =`";
+                return Err(kind.in_place_of(&self.path, wanted));
+            }
             let found: String = rest.iter().take(9).map(|&b| char::from(b)).collect();
             let expected = if index == 0 {
                 "a FITS file, which begins with `SIMPLE  =`"

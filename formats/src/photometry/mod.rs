@@ -30,7 +30,8 @@ pub use import::{Import, ImportError, import};
 pub use missing::{without_false_uncertainties, without_words_for_none};
 pub use objects::{ObjectRows, ObjectsError, TakenRows};
 
-use crate::text::counted;
+use crate::kind::{self, Kind};
+use crate::text::{counted, listed};
 use crate::time::{parse_in, parse_utc};
 use crate::{ParseError, Table, Values};
 use hifitime::{Duration, Epoch};
@@ -207,14 +208,23 @@ pub fn open_named(
 fn opened(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
     let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
     let bytes = crate::fits::inflate(path, bytes, most)?;
-    if bytes.starts_with(b"SIMPLE  =") {
-        return tables::of_fits(path, bytes);
+    let another =
+        |kind: Kind| Err(kind.in_place_of(path, "a light curve: a table of rates or magnitudes"));
+    match kind::of_bytes(&bytes) {
+        Some(Kind::FitsTable) => return tables::of_fits(path, bytes),
+        Some(kind) => return another(kind),
+        None => {}
     }
     let (text, note) = words::decode(path, bytes)?;
     if let Some(format) = recognise(&text) {
         let mut read = read_str(path, &text, format)?;
         read.notes.extend(note);
         return Ok(Source::Samples(format, Box::new(read)));
+    }
+    if let Some(kind) = kind::of(text.as_bytes())
+        && !matches!(kind, Kind::LightCurve | Kind::Table)
+    {
+        return another(kind);
     }
     if xml::is_votable(&text) {
         let mut table = xml::votable(path, &text)?;

@@ -2,8 +2,11 @@
 
 use super::deserializer::{Value, describe};
 use crate::error::{FileError, ParseError, excerpt};
+use crate::kind;
 use crate::read::line_of;
-use serde::de::DeserializeOwned;
+use crate::text::listed;
+use serde::de::{DeserializeOwned, Visitor};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
@@ -28,8 +31,14 @@ impl Document {
     /// A [`ParseError`] with the line if the text is not TOML.
     pub fn new(path: impl AsRef<Path>, source: impl Into<String>) -> Result<Self, ParseError> {
         let document = Self { path: path.as_ref().to_path_buf(), source: source.into() };
-        document.tree().map(|_| ())?;
-        Ok(document)
+        match document.tree() {
+            Ok(_) => Ok(document),
+            // A file of another kind is named as that, and not by its first line.
+            Err(error) => Err(match kind::of(document.source.as_bytes()) {
+                Some(kind) => kind.in_place_of(&document.path, "TOML"),
+                None => error,
+            }),
+        }
     }
 
     /// The file as the user named it.
@@ -49,7 +58,25 @@ impl Document {
     /// range.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T, ParseError> {
         let root = Value { value: DeValue::Table(self.tree()?), start: 0 };
-        T::deserialize(root).map_err(|error| error.finish(&self.path, &self.source))
+        T::deserialize(root).map_err(|error| match self.another_kind::<T>() {
+            Some(another) => another,
+            None => error.finish(&self.path, &self.source),
+        })
+    }
+
+    /// The error of a file that is of another kind than the one whose keys `T` has; `None` where it is of that kind, or of one that is not known.
+    fn another_kind<T: DeserializeOwned>(&self) -> Option<ParseError> {
+        let found = kind::of(self.source.as_bytes())?;
+        let keys = keys_of::<T>()?;
+        let own = found.keys();
+        if own.is_empty() || own.iter().any(|key| keys.contains(key)) {
+            return None;
+        }
+        let wanted = match kind::Kind::with_keys(keys) {
+            Some(wanted) => wanted.name().to_owned(),
+            None => format!("a TOML file with the keys {}", listed(keys)),
+        };
+        Some(found.in_place_of(&self.path, &wanted))
     }
 
     /// An error at a dotted key (`channel[2].dead_time_ns`), for what only a look at several keys shows. A key that is
@@ -104,5 +131,72 @@ impl Document {
         }
         let found = describe(&value);
         Some((start, Some(found)))
+    }
+}
+
+/// The keys of a struct that derives `Deserialize`; `None` for other types.
+fn keys_of<T: DeserializeOwned>() -> Option<&'static [&'static str]> {
+    /// Asked for a struct, it notes the fields and gives nothing.
+    struct Fields<'a>(&'a Cell<Option<&'static [&'static str]>>);
+    impl<'de> serde::Deserializer<'de> for Fields<'_> {
+        type Error = serde::de::value::Error;
+
+        fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value, Self::Error> {
+            Err(serde::de::Error::custom("nothing is read"))
+        }
+
+        fn deserialize_struct<V: Visitor<'de>>(
+            self,
+            _: &'static str,
+            fields: &'static [&'static str],
+            visitor: V,
+        ) -> Result<V::Value, Self::Error> {
+            self.0.set(Some(fields));
+            self.deserialize_any(visitor)
+        }
+
+        serde::forward_to_deserialize_any! {
+            bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq tuple tuple_struct map enum identifier
+            ignored_any
+        }
+    }
+    let fields = Cell::new(None);
+    let _ = T::deserialize(Fields(&fields));
+    fields.get()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    /// Truth: the words of the two kinds, and that a slip within the right kind is told as before, with its line.
+    #[test]
+    fn a_file_of_another_kind_is_named() {
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[expect(dead_code, reason = "only its keys count")]
+        struct Scene {
+            target: toml::Table,
+            times: toml::Table,
+        }
+        let error = |text: &str| {
+            Document::new("x.toml", text).unwrap().parse::<Scene>().unwrap_err().to_string()
+        };
+        let material = error("[[material]]\nname = \"panel\"\n");
+        assert!(
+            material.contains("found materials") && material.contains("expected a scene"),
+            "{material}"
+        );
+        let slip = error("[target]\n[times]\n[orbitt]\n");
+        assert!(slip.contains("x.toml:3: orbitt: found an unknown key"), "{slip}");
+        let missing = error("[target]\n[orbit]\n");
+        assert!(missing.contains("times") && !missing.contains("expected a scene"), "{missing}");
+        let curve = Document::new("c.ecsv", "# %ECSV 1.0\n# meta: {quantity: linear}\na b\n");
+        let curve = curve.unwrap_err().to_string();
+        assert!(
+            curve.contains("found a light curve") && curve.contains("expected TOML"),
+            "{curve}"
+        );
     }
 }

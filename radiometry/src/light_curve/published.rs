@@ -7,7 +7,7 @@ use hifitime::Epoch;
 use std::path::{Path, PathBuf};
 use sunglint_formats::photometry::{self, ColumnNames, Format, Photometry, Source, texts};
 pub use sunglint_formats::photometry::{ObjectRows, ObjectsError};
-use sunglint_formats::text::counted;
+use sunglint_formats::text::{counted, listed};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values};
 use sunglint_numerics::order::{median, robust_sigma};
@@ -97,15 +97,6 @@ pub enum PublishedError {
         column: String,
         /// The columns that are there.
         found: String,
-    },
-    /// A file of settings in place of one of numbers.
-    #[error(
-        "{}: a TOML file (a scene, a plan, a station?), expected a measured light curve: a table of rates or magnitudes",
-        path.display()
-    )]
-    Settings {
-        /// The file.
-        path: PathBuf,
     },
     /// Magnitudes of another kind than was asked for.
     #[error("{}: it holds apparent and standard magnitudes, not {}", path.display(), kind.name())]
@@ -238,9 +229,6 @@ impl CurveFile {
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
         options.check(path)?;
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
-            return Err(PublishedError::Settings { path: path.to_path_buf() });
-        }
         let objects = |why| PublishedError::Objects { path: path.to_path_buf(), why };
         let table = match photometry::open_named(path, bytes, &options.columns.all)? {
             Source::Samples(format, read) => {
