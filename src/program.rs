@@ -32,6 +32,29 @@ pub fn program() -> ExitCode {
     }
 }
 
+/// The command line as provenance has it: with all options that change what comes out, without those that say where it goes.
+pub(crate) fn command_line() -> String {
+    let mut words = vec!["sunglint".to_owned()];
+    let mut given = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned());
+    while let Some(word) = given.next() {
+        match word.as_str() {
+            "-o" | "--output" => {
+                given.next();
+            }
+            "--force" | "--json" | "-q" | "--quiet" | "-v" | "--verbose" => {}
+            _ if word.starts_with("--output=") => {}
+            _ if word.starts_with("-o") => {}
+            _ => words.push(
+                match word.contains(|c: char| !c.is_ascii_graphic() || "'\"$`\\*?".contains(c)) {
+                    true => format!("'{}'", word.replace('\'', r"'\''")),
+                    false => word,
+                },
+            ),
+        }
+    }
+    words.join(" ")
+}
+
 /// The error and what caused it, each said once: many errors repeat their cause in their own message.
 fn describe(error: &anyhow::Error) -> String {
     let mut text = String::new();

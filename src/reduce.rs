@@ -461,6 +461,8 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     options.stars = args.others.stars()?;
     let first = first_time(&files, &options.reading);
     options.seen_from = args.others.seen_from(&args.station, first)?;
+    options.inputs.extend(args.others.elements.clone());
+    options.command = crate::program::command_line();
     options.darks.clone_from(&args.frames.dark);
     options.flats.clone_from(&args.frames.flat);
     let progress = Bar::new(console);

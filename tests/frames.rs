@@ -527,3 +527,34 @@ fn frames_without_a_picture_are_told() {
     assert!(frames.iter().any(|f| f["points"].as_array().is_some_and(|p| p.len() == 1)), "{all}");
 }
 
+/// The origin of a folder's curves. Truth: SHA-256 of the frames' own SHA-256 by coreutils, as docs/frames-of-others.md says it is made; the numbers of the frames that were written; the command as it was typed,
+/// without the place of the result.
+#[test]
+fn curves_of_a_folder_say_where_they_come_from() {
+    let folder = Folder::new("origin");
+    made_up(&folder.path("night"));
+    folder.done(&["reduce", "night", "--detect-sigma", "7", "-o", "out/", "--catalogue", "night/stars.csv"]);
+    let files: Vec<String> = {
+        let all = folder.json(&["reduce", "night", "--json"]);
+        all["frames"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap().to_owned()).collect()
+    };
+    let script = format!("sha256sum {} | cut -c1-64 | sha256sum | cut -c1-64", files.join(" "));
+    let sum = std::process::Command::new("sh").args(["-c", &script]).current_dir(&folder.0).output();
+    let sum = String::from_utf8(sum.unwrap().stdout).unwrap();
+    for name in ["light_curve", "magnitudes"] {
+        let table = sunglint_formats::ecsv::read(folder.path("out").join(format!("{name}.ecsv"))).unwrap();
+        let origin = &table.meta["provenance"];
+        assert_eq!(origin["frames"]["count"], files.len(), "{origin}");
+        assert_eq!(origin["frames"]["first"], files[0].as_str());
+        assert_eq!(origin["frames"]["last"], files[files.len() - 1].as_str());
+        assert_eq!(origin["frames"]["sha256"], sum.trim());
+        assert_eq!(
+            origin["command"],
+            "sunglint reduce night --detect-sigma 7 --catalogue night/stars.csv"
+        );
+        let version = format!("sunglint {}", env!("CARGO_PKG_VERSION"));
+        assert_eq!(origin["program"], version.as_str());
+        assert_eq!(origin["inputs"][0]["file"], "night/stars.csv");
+        assert!(origin["dark_frames"]["count"].as_u64().is_some_and(|n| n > 0), "{origin}");
+    }
+}

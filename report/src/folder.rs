@@ -106,6 +106,10 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
         ..Table::default()
     };
     table.meta.insert("target".into(), target.into());
+    let mut provenance = folder.provenance.clone();
+    // That of the rates beside them.
+    provenance.notes.clear();
+    table.meta.insert("provenance".into(), provenance.to_json());
     if let Some(object) = &folder.object {
         let sight = |name: &str, unit, f: &dyn Fn(&Line<'_>, &Sight) -> f64| {
             let value = |l: &Line<'_>| l.sight.map_or(f64::NAN, |sight| f(l, &sight));

@@ -25,17 +25,19 @@ use crate::photometry::field::{
 use glam::{DVec2, DVec3};
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame, ReadOptions};
+use sunglint_formats::sha256;
 use sunglint_formats::wcs::{Equatorial, Wcs};
 use sunglint_numerics::measured::{Interval, Measured};
 use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
-    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+    ChannelCurve, Flags, Input, LightCurve, Provenance, RateKind, Samples,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, Star};
 
@@ -59,6 +61,10 @@ pub struct FolderOptions {
     pub stars: Option<StarsOptions>,
     /// Elements of the target and the site that it was seen from, for range and phase angle.
     pub seen_from: Option<(Tle, Site)>,
+    /// The command with its options, as the curves' provenance has it; empty for `reduce`.
+    pub command: String,
+    /// Files of elements and the like that were read for these options, for the provenance.
+    pub inputs: Vec<PathBuf>,
 }
 
 /// How stars of a list make rates magnitudes.
@@ -193,6 +199,70 @@ pub struct Part {
     pub magnitude_1000km: Option<f64>,
 }
 
+/// Frames of one kind that went into a curve, as its provenance has them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Sources {
+    /// Their number.
+    pub count: usize,
+    /// The first file.
+    pub first: String,
+    /// The last file.
+    pub last: String,
+    /// SHA-256 of the files' own SHA-256, a line each (64 hexadecimal digits and a line feed) in the order of the frames' times: `sha256sum FILES | cut -c1-64 | sha256sum` where the names are in that order.
+    pub sha256: String,
+}
+
+impl Sources {
+    /// Reads the files; `None` of no file, or where one is gone.
+    fn of(files: &[&Path]) -> Option<Self> {
+        let (first, last) = (files.first()?, files.last()?);
+        let of = |path: &&Path| {
+            Some(sunglint_formats::read::bytes(path).ok().map(|b| sha256(&b))? + "\n")
+        };
+        let lines: Option<String> = files.par_iter().map(of).collect();
+        Some(Self {
+            count: files.len(),
+            first: first.display().to_string(),
+            last: last.display().to_string(),
+            sha256: sha256(lines?.as_bytes()),
+        })
+    }
+}
+
+/// Origin of the curves of frames: those of the sky in the order of time, dark frames and flats in that of their names.
+fn provenance(
+    lights: &[&Path],
+    calibration: &Calibration<'_>,
+    options: &FolderOptions,
+) -> Provenance {
+    let mut other = serde_json::Map::new();
+    other.extend(Sources::of(lights).map(|own| ("frames".to_owned(), serde_json::json!(own))));
+    for kind in [FrameKind::Dark, FrameKind::Bias, FrameKind::Flat] {
+        let of_kind = calibration.entries.iter().filter(|e| e.kind == kind);
+        let mut files: Vec<&Path> = of_kind.map(|e| e.header.path.as_path()).collect();
+        files.retain(|path| calibration.used.contains(path));
+        files.sort_unstable();
+        let own = Sources::of(&files).map(|own| (format!("{}_frames", kind.name()), own));
+        other.extend(own.map(|(name, own)| (name, serde_json::json!(own))));
+    }
+    let catalogue = options.stars.iter().map(|stars| &stars.list.path);
+    let input = |path: &PathBuf| {
+        let sha256 = sha256(&sunglint_formats::read::bytes(path).ok()?);
+        Some(Input { file: path.display().to_string(), sha256 })
+    };
+    let named = if options.command.is_empty() { "sunglint reduce" } else { &options.command };
+    Provenance {
+        program: format!("sunglint {}", env!("CARGO_PKG_VERSION")),
+        command: named.to_owned(),
+        inputs: catalogue.chain(&options.inputs).filter_map(input).collect(),
+        notes: vec![
+            "rates are ADU/s; there is no zero point: magnitudes of them are instrumental".into(),
+        ],
+        other,
+        ..Provenance::default()
+    }
+}
+
 /// Why a file was left out that is damaged or none of frames.
 const UNREADABLE: &str = "cannot be read";
 /// Why a file was left out that holds no picture.
@@ -211,6 +281,9 @@ pub struct Folder {
     pub left_out_files: Vec<[String; 2]>,
     #[serde(skip)]
     first_unreadable: Option<String>,
+    /// Origin of the curve and the magnitudes: program, command, the other inputs, and `frames` ([`Sources`]).
+    #[serde(skip)]
+    pub provenance: Provenance,
     /// How the target was told.
     pub chosen_by: String,
     /// Motion of the target through the frames, px/s, where several tell.
@@ -321,6 +394,7 @@ pub fn reduce_frames(
         left_out: BTreeMap::new(),
         left_out_files: Vec::new(),
         first_unreadable: None,
+        provenance: Provenance::default(),
         chosen_by: String::new(),
         motion_px_per_s: None,
         notes: BTreeMap::new(),
@@ -425,6 +499,8 @@ pub fn reduce_frames(
         ));
     }
     folder.tell(&calibration, &lights);
+    let own: Vec<&Path> = fields.iter().map(|f| f.header.path.as_path()).collect();
+    folder.provenance = provenance(&own, &calibration, options);
     let growths: Vec<Option<Growth>> = fields.iter().map(|f| f.field.growth.clone()).collect();
     for (i, seen) in fields.iter_mut().enumerate() {
         // Single profiles are noisy, and the air changes slowly: the middle of the frames around, or of all.
@@ -898,14 +974,7 @@ impl Folder {
                 ..Samples::default()
             },
             channels: channels.collect(),
-            provenance: Provenance {
-                target: target.to_owned(),
-                notes: vec![
-                    "rates are ADU/s; there is no zero point: magnitudes of them are instrumental"
-                        .into(),
-                ],
-                ..Provenance::default()
-            },
+            provenance: Provenance { target: target.to_owned(), ..self.provenance.clone() },
             other: sunglint_formats::Meta::default(),
         };
         curve.sort();
