@@ -339,3 +339,17 @@ fn a_file_of_another_kind_is_named() {
     }
 }
 
+/// A period that is no longer than the exposure. Truth: both numbers, of the curve (0.1 s) and of the command. A longer one says nothing of it.
+#[test]
+fn a_period_within_an_exposure_is_told() {
+    let folder = Folder::new("short-period");
+    std::fs::write(folder.path("c.ecsv"), crate::common::turning_curve()).unwrap();
+    let said = |period: &str| {
+        let out = folder.run(&["analyse", "fold", "c.ecsv", "--period", period, "--keep", "air"]);
+        assert!(out.status.success());
+        String::from_utf8(out.stderr).unwrap()
+    };
+    let short = said("0.04");
+    assert!(short.contains("period of 0.04 s") && short.contains("exposure of 0.1 s"), "{short}");
+    assert!(!said("20").contains("exposure of"));
+}

@@ -6,6 +6,7 @@ use crate::map::Spin;
 use crate::series::{Series, SeriesError};
 use crate::synodic::{Bisectors, Turn};
 use hifitime::Epoch;
+use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::Input;
 
 /// A slip of the phases by more than this smears a folded curve, turns.
@@ -137,9 +138,10 @@ pub fn fold_curves(
     let mut channels = Vec::new();
     for series in series {
         if series.is_empty() {
+            let lost = series.left_out;
             warnings.push(format!(
-                "{}: no sample without a flag that changes its rate: left out",
-                series.name
+                "{}: left out, since no sample counts ({} with a flag that changes its rate, {} without a number)",
+                series.name, lost.flagged, lost.not_finite
             ));
             continue;
         }
@@ -150,6 +152,7 @@ pub fn fold_curves(
         return Err(FoldCurvesError::NoSample { warnings });
     }
     warnings.extend(concerns(&channels, period_s));
+    warnings.extend(blurred(curves, period_s));
     Ok(FoldedCurves {
         channels,
         period_s,
@@ -172,6 +175,18 @@ fn turn(axis: &SpinAxis, period_s: f64) -> Result<Turn, FoldCurvesError> {
     let bisectors = axis.bisectors.as_ref().ok_or(FoldCurvesError::TooFew)?;
     let direction = Spin::of(axis.ra_deg, axis.dec_deg, period_s).axis;
     bisectors.turned(direction).ok_or(FoldCurvesError::Axis)
+}
+
+/// The warning of exposures that last a turn or longer, where the files say them.
+fn blurred(curves: &Curves, period_s: f64) -> Option<String> {
+    let known = curves.curves.iter().filter(|c| c.is_exposure_known);
+    let exposure_s = median(known.flat_map(|c| c.curve.samples.exposure_s.iter().copied()))?;
+    (period_s <= exposure_s).then(|| {
+        format!(
+            "the period of {period_s} s is no longer than the exposure of {exposure_s} s: each sample is a mean over {:.3} turns, so that the folded curve shows nothing of a turn",
+            exposure_s / period_s
+        )
+    })
 }
 
 /// Reasons to doubt a folded curve: too few turns, a period that is not known well enough.

@@ -438,6 +438,16 @@ impl LightCurve {
                     "a name of letters, digits and _",
                 );
             }
+            for (suffix, values) in [("rate_hz", &channel.rate_hz), ("sigma_hz", &channel.sigma_hz)]
+            {
+                let unflagged = channel.flags.iter().filter(|f| f.is_empty()).count();
+                if n > 1 && unflagged > 0 && values.iter().all(|v| v.is_nan()) {
+                    let found =
+                        format!("nan in all of {n} rows, {unflagged} of them without a flag");
+                    let expected = "numbers (nan only where a flag says why)";
+                    return wrong(format!("{name}_{suffix}"), found, expected);
+                }
+            }
             for i in 0..n {
                 let (rate, sigma) = (channel.rate_hz[i], channel.sigma_hz[i]);
                 let flagged = !channel.flags[i].is_empty();
