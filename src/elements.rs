@@ -100,9 +100,18 @@ fn fetch(args: &UpdateArgs, console: Console) -> anyhow::Result<()> {
     )?;
     let fetched = update::update(&args.from, &folder, now()?)?;
     write_file(&args.output, fetched.text.as_bytes(), Overwrite::Allow)?;
-    for error in fetched.bad.iter().take(3) {
+    for error in fetched.bad.iter().take(5) {
         console.warn(&error.to_string());
     }
+    let refused = fetched.bad.len();
+    if refused > 5 {
+        console.warn(&format!("… and {} more sets that cannot be read", refused - 5));
+    }
+    let refused = match refused {
+        0 => String::new(),
+        1 => ", 1 refused and not written".to_owned(),
+        n => format!(", {n} refused and not written"),
+    };
     let since = match fetched.kept_since {
         None => String::new(),
         Some(at) => format!(
@@ -110,7 +119,7 @@ fn fetch(args: &UpdateArgs, console: Console) -> anyhow::Result<()> {
             format_utc(at, 0)
         ),
     };
-    console.say(&format!("wrote {}: {} sets{since}", args.output.display(), fetched.sets));
+    console.say(&format!("wrote {}: {} sets{refused}{since}", args.output.display(), fetched.sets));
     Ok(())
 }
 

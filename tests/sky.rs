@@ -143,6 +143,15 @@ fn messages_are_taken_where_elements_are() {
         std::fs::read(folder.path("copy.json")).unwrap(),
         std::fs::read(folder.path("iss.json")).unwrap()
     );
+    // A line whose checksum is wrong (its last digit is 7, and 8 here) is named and not written; the others are.
+    let lines = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
+    let damaged = format!("GOOD\n{lines}BAD\n{}", lines.replace("563537", "563538"));
+    std::fs::write(folder.path("some.tle"), damaged).unwrap();
+    let update = folder.run(&["elements", "update", "--from", "some.tle", "-o", "kept.tle"]);
+    let said = String::from_utf8(update.stderr).unwrap();
+    assert!(update.status.success(), "{said}");
+    assert!(said.contains("some.tle:6: checksum") && said.contains("1 sets, 1 refused"), "{said}");
+    assert_eq!(std::fs::read_to_string(folder.path("kept.tle")).unwrap(), format!("GOOD\n{lines}"));
     let nothing = ["elements", "update", "--from", "ftp://nowhere", "-o", "copy.json"];
     assert!(folder.refused(1, &nothing).contains("expected http"));
 }

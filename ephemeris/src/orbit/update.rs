@@ -21,7 +21,7 @@ const TIME_S: &str = "120";
 /// Elements that were fetched, or kept from before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fetched {
-    /// The text, as it came.
+    /// The text as it came; where sets of it are bad, the good ones alone.
     pub text: String,
     /// Number of good sets.
     pub sets: usize,
@@ -117,8 +117,9 @@ pub fn update(from: &str, folder: &Path, now: Epoch) -> Result<Fetched, UpdateEr
     }
     write_file(&stamp, format!("{}\n{from}\n", format_utc(now, 3)).as_bytes(), Overwrite::Allow)?;
     let text = fetch(from)?;
-    let fetched = checked(from, text, None)?;
-    write_file(&answer, fetched.text.as_bytes(), Overwrite::Allow)?;
+    let fetched = checked(from, text.clone(), None)?;
+    // The answer is kept as it came, so that it is judged anew each time, with the lines of what is bad.
+    write_file(&answer, text.as_bytes(), Overwrite::Allow)?;
     Ok(fetched)
 }
 
@@ -140,6 +141,8 @@ fn checked(from: &str, text: String, kept_since: Option<Epoch>) -> Result<Fetche
         let reason = if bad.is_empty() { nothing() } else { bad.swap_remove(0) };
         return Err(UpdateError::NoElements { address: from.to_owned(), reason: Box::new(reason) });
     }
+    // A damaged set that is stored would be taken for good by whoever copies the file on.
+    let text = if bad.is_empty() { text } else { elements::text(&good) };
     Ok(Fetched { text, sets: good.len(), bad, kept_since })
 }
 
