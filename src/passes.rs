@@ -18,6 +18,7 @@ use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::nearest_names;
+use sunglint_numerics::progress::Progress as _;
 use sunglint_observatory::planner::{
     NightPlan, PassOffer, PlannerOptions, Surroundings, plan_night,
 };
@@ -246,9 +247,11 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
             (model.pass(orbit, &station, &air, when, seen), words)
         }),
     };
+    let bar = Bar::new(console);
     let light = match &model {
         None => SightingLight::Law(brightness),
         Some((pass, words)) => {
+            bar.begin("the model's light", None);
             let ready = pass.ready()?;
             warnings.extend(pass.warnings.clone());
             warnings.extend(ready.report().warnings.clone());
@@ -262,9 +265,9 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     let frames = SkyFrames::over(from, to, orientation)?;
     let photometer =
         Photometer::new(&station, &air, light, frames, args.zero_point, args.exposure_s)?;
+    bar.end();
     console.detail(&format!("{} objects, {} threads", tles.len(), rayon::current_num_threads()));
 
-    let bar = Bar::new(console);
     let found = find(tles, &search, &photometer, &args.filter.options(), &bar)?;
     bar.end();
     failures.extend(found.failures);

@@ -1,6 +1,7 @@
 //! `sunglint picture`: a body as it looks, what it sends into all directions, a sphere against phase angle.
 
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::simulate::read;
 use crate::star::when;
 use crate::station::StationArgs;
@@ -9,6 +10,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::PathBuf;
 use sunglint_formats::time::format_utc_shortest;
+use sunglint_numerics::progress::Progress as _;
 use sunglint_report::picture::{PictureReport, map, sphere};
 use sunglint_simulator::pass::Overrides;
 use sunglint_simulator::picture::{
@@ -170,24 +172,31 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         );
         return Err(Usage(text).into());
     }
+    let bar = Bar::new(console);
+    bar.begin("the body", None);
     let aim = args.aim(console)?;
     for warning in &aim.warnings {
-        console.warn(warning);
+        bar.warn(warning);
     }
     if args.map {
         let phase_deg = args.phase.unwrap_or(0.0);
         let (nm, step_deg) = (&args.wavelength_nm, args.step_deg);
+        bar.begin("the reflection map", None);
         let maps = ReflectionMaps::new(&aim, nm, phase_deg, step_deg, args.per_irradiance)
             .map_err(named)?;
         let (product, text) = map::product(&maps)?;
+        bar.end();
         return args.out.finish(&product, &text, console);
     }
+    bar.begin("the picture", None);
     let shot = Shot::take(&aim, &args.options()).map_err(named)?;
     for warning in shot.concerns() {
-        console.warn(&warning);
+        bar.warn(&warning);
     }
     let report = PictureReport { shot: &shot };
-    args.out.finish(&report.product()?, &report.text(), console)
+    let product = report.product()?;
+    bar.end();
+    args.out.finish(&product, &report.text(), console)
 }
 
 /// A setting that is wrong is a slip of the command line.
