@@ -78,7 +78,7 @@ pub fn run(args: &ApplyArgs, console: Console) -> anyhow::Result<()> {
         );
     }
     let input = apply::read(&args.calibration, &args.curve)?;
-    let station = args.station.get()?;
+    let station = args.station.of_curve(&input.curve.provenance, console)?;
     let mut found = apply::apply(&input, &station, args.night.as_deref()).map_err(hint)?;
     if is_photometry {
         let air = args.model.air(station.site.geodetic().height_m, Some(&station))?;

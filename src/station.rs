@@ -1,10 +1,12 @@
 //! Which station a command is about: `--station`, else `$SUNGLINT_STATION`, else `./station.toml`.
 
+use crate::output::Console;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use std::path::Path;
 use sunglint_formats::nearest_names;
 use sunglint_formats::session::Session;
+use sunglint_radiometry::light_curve::{Input, Provenance};
 use sunglint_radiometry::station::{RecordedError, Station};
 
 /// Variable of the environment that names the station.
@@ -37,6 +39,39 @@ impl StationArgs {
         told.or_else(|| Path::new(HERE).is_file().then(|| HERE.to_owned()))
     }
 
+    /// The station that took a light curve: the one that was asked for, else the one that the curve's own header names, else that of the surroundings. Says which it is where nobody asked for one.
+    ///
+    /// # Errors
+    /// No station, or one that cannot be read; a header that names one that is neither built in nor found.
+    pub fn of_curve(&self, header: &Provenance, console: Console) -> anyhow::Result<Station> {
+        if self.station.is_some() || header.station.is_empty() {
+            return self.get();
+        }
+        let name = header.station.as_str();
+        let around = self.find()?;
+        let station = if let Some(station) = recorded(header) {
+            station
+        } else if let Some(around) = around.as_ref().filter(|around| around.name == name) {
+            around.clone()
+        } else if Station::built_in_names().contains(&name) {
+            named(name)?
+        } else if let Some(around) = around {
+            console.warn(&format!(
+                "the curve's header names the station {name}, which is not built in; {} is taken in its place, from $SUNGLINT_STATION or ./station.toml (--station says which)",
+                around.name
+            ));
+            return Ok(around);
+        } else {
+            bail!(
+                "the curve's header names the station {name}, which is not built in ({}): give its file with --station",
+                Station::built_in_names().join(", ")
+            )
+        };
+        console
+            .say(&format!("station {name}, as the curve's header says (--station takes another)"));
+        Ok(station)
+    }
+
     /// The station; an error that lists the names where there is none.
     pub fn get(&self) -> anyhow::Result<Station> {
         self.get_or("")
@@ -53,6 +88,17 @@ impl StationArgs {
             .to_owned()
         })
     }
+}
+
+/// The station of a curve by the file that its header names, where that is still what it was.
+fn recorded(header: &Provenance) -> Option<Station> {
+    let is_station =
+        |input: &&Input| Path::new(&input.file).extension().is_some_and(|e| e == "toml");
+    header.inputs.iter().filter(is_station).find_map(|input| {
+        let bytes = sunglint_formats::read::bytes(&input.file).ok()?;
+        let same = sunglint_formats::sha256(&bytes) == input.sha256;
+        Station::read(&input.file).ok().filter(|station| same && station.name == header.station)
+    })
 }
 
 fn named(name: &str) -> anyhow::Result<Station> {

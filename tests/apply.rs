@@ -291,3 +291,40 @@ fn an_aerosol_that_was_fitted_with_kappa_goes_with_it() {
     let asked = applied(&folder, &["--magnitudes", "V", "--aerosol", "none"]);
     near(range(&asked, "magnitude_range").0, clear, 1e-9);
 }
+
+/// The station comes from the curve's header. Truth: by construction: the file that the header names with its sum, where it is still that; a built-in one by its name; a name that nobody knows is refused with what to do, and
+/// --station goes before all of them.
+#[test]
+fn the_header_names_the_station() {
+    let folder = station("apply-header");
+    curve(&folder, &[(VEGA.rate_hz, 0, 30.0, 0.0, 0.0)], false);
+    std::fs::create_dir(folder.path("site")).unwrap();
+    for file in ["station.toml", "box.csv"] {
+        std::fs::rename(folder.path(file), folder.path("site").join(file)).unwrap();
+    }
+    let none = folder.refused(1, &["apply", "k.ecsv", "c.ecsv"]);
+    assert!(none.contains("no station"), "{none}");
+    let text = std::fs::read_to_string(folder.path("c.ecsv")).unwrap();
+    let named = |station: &str| {
+        let sum = sunglint_formats::sha256(STATION.as_bytes());
+        let origin = json!({"station": station, "inputs": [{"file": "site/station.toml", "sha256": sum}]});
+        let head = text.replacen("# meta: {", &format!("# meta: {{\"provenance\": {origin}, "), 1);
+        std::fs::write(folder.path("c.ecsv"), head).unwrap();
+        let out = folder.run(&["apply", "k.ecsv", "c.ecsv", "-o", "-"]);
+        (out.status.code(), String::from_utf8(out.stderr).unwrap())
+    };
+    let (code, said) = named("box");
+    assert!(code == Some(0) && said.contains("station box, as the curve's header says"), "{said}");
+    let (code, said) = named("nowhere");
+    assert!(code == Some(1) && said.contains("names the station nowhere") && said.contains("--station"), "{said}");
+    let other = folder.run(&["apply", "k.ecsv", "c.ecsv", "--station", "site", "-o", "-"]);
+    let said = String::from_utf8(other.stderr).unwrap();
+    assert!(other.status.success() && !said.contains("header"), "{said}");
+    // A predicted curve of a built-in station is unmixed without a word about it.
+    let folder = Folder::new("unmix-header");
+    std::fs::write(folder.path("pass.toml"), crate::common::SPHERE_PASS).unwrap();
+    folder.done(&["simulate", "pass.toml", "-o", "p.ecsv", "-q"]);
+    let out = folder.run(&["analyse", "unmix", "p.ecsv", "--endmembers", "white"]);
+    let said = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success() && said.contains("station ufo, as the curve's header says"), "{said}");
+}

@@ -7,7 +7,8 @@ use std::path::Path;
 use sunglint_formats::{FileError, ParseError, ecsv};
 use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::light_curve::{
-    Flags, Input, LightCurve, RateKind, Samples, SpectralLightCurve, SpectralQuantity, TOLERATED,
+    Flags, Input, LightCurve, Provenance, RateKind, Samples, SpectralLightCurve, SpectralQuantity,
+    TOLERATED,
 };
 use sunglint_radiometry::sky::{EarthOrientation, SkyError, SkyFrames};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
@@ -163,12 +164,17 @@ impl SampledCurve {
         }
     }
 
-    /// The target's name.
-    pub fn target(&self) -> &str {
-        let provenance = match &self.source {
+    /// Origin of the curve.
+    pub fn provenance(&self) -> &Provenance {
+        match &self.source {
             CurveSource::Rates(curve) => &curve.provenance,
             CurveSource::Spectra(curve) => &curve.provenance,
-        };
+        }
+    }
+
+    /// The target's name.
+    pub fn target(&self) -> &str {
+        let provenance = self.provenance();
         if provenance.target.is_empty() { "a target without a name" } else { &provenance.target }
     }
 

@@ -41,7 +41,7 @@ pub(super) fn run(args: &EndmembersArgs, console: Console) -> anyhow::Result<()>
         bail!("--noise is {noise}, expected a share from 0 to below 1");
     }
     let known = Materials::read(&args.against)?;
-    let given = args.given.read(&args.curve)?;
+    let given = args.given.read(&args.curve, console)?;
     let options = EndmemberOptions { most: args.most as usize, noise: args.noise };
     let mut found = find_endmembers(&given, &known, &options).map_err(|error| match error {
         EndmembersError::Samples(error) => worded(error),

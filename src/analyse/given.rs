@@ -1,6 +1,7 @@
 //! A curve and the light under which it was taken.
 
 use crate::air::AirModelArgs;
+use crate::output::Console;
 use crate::simulate;
 use crate::station::StationArgs;
 use anyhow::anyhow;
@@ -29,14 +30,14 @@ pub struct GivenArgs {
 
 impl GivenArgs {
     /// Reads a curve, and the scene or the station.
-    pub fn read(&self, path: &Path) -> anyhow::Result<LitCurve> {
+    pub fn read(&self, path: &Path, console: Console) -> anyhow::Result<LitCurve> {
         let curve = SampledCurve::read(path).map_err(worded)?;
         if let Some(scene) = &self.pass {
             let pass = simulate::read(scene, &self.station, Overrides::default())?;
             return Ok(LitCurve::of_scene(curve, pass, self.no_air)?);
         }
         let station = match curve.needs_station(self.no_air) {
-            true => Some(self.station.get()?),
+            true => Some(self.station.of_curve(curve.provenance(), console)?),
             false => None,
         };
         let air = match &station {

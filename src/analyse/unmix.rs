@@ -46,7 +46,7 @@ pub(super) fn run(args: &UnmixArgs, console: Console) -> anyhow::Result<()> {
         Some(total) => bail!("--total is {total}, expected an area above 0, m² sr⁻¹"),
     };
     let materials = Materials::read(&args.endmembers)?;
-    let given = args.given.read(&args.curve)?;
+    let given = args.given.read(&args.curve, console)?;
     let options =
         UnmixOptions { constraint, unweighted: args.unweighted, confusion: args.confusion };
     let mut unmixed =
