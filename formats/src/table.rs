@@ -86,7 +86,7 @@ impl Values {
 #[non_exhaustive]
 pub enum TableError {
     /// The column is not there.
-    #[error("there is no column `{name}`; the columns are {}", available.join(", "))]
+    #[error("there is no column `{name}`; the columns are {}", crate::text::listed(available))]
     NoColumn {
         /// The column that was asked for.
         name: String,
@@ -129,7 +129,7 @@ impl TableError {
                 let error = ParseError::new(
                     path,
                     "no such column",
-                    format!("it beside {}", available.join(", ")),
+                    format!("it beside {}", crate::text::listed(&available)),
                 )
                 .in_field(name);
                 match hint {

@@ -3,9 +3,23 @@
 use crate::{Product, explain};
 use serde::Serialize;
 use std::fmt::Write as _;
+use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table};
-use sunglint_simulator::intensity::{Intensities, Intensity};
+use sunglint_simulator::intensity::{Intensities, Intensity, Weight};
 use sunglint_simulator::light::percent;
+
+/// Columns for the name of a term.
+const NAME: usize = 40;
+/// Part of the largest error below which that of a term of 0 does not count.
+const NEGLIGIBLE: f64 = 1e-6;
+
+/// A name in at most so many columns.
+fn shortened(name: &str, columns: usize) -> String {
+    if name.chars().count() <= columns {
+        return name.to_owned();
+    }
+    name.chars().take(columns - 1).chain(['…']).collect()
+}
 
 /// The light of one aspect, and how it is to be shown.
 #[derive(Debug)]
@@ -62,6 +76,34 @@ impl IntensityReport<'_> {
         Ok(Product { name: "light".into(), table, json, ..Product::default() })
     }
 
+    /// The weights of single materials, within 80 columns. A term that is 0 and whose error does not count beside the largest one is only counted.
+    fn terms(&self) -> String {
+        let single = || self.light.weights.iter().filter(|weight| weight.material.is_some());
+        let largest = single().map(|w| w.error_m2_per_sr).fold(0.0, f64::max);
+        let counts =
+            |w: &&Weight| w.weight_m2_per_sr != 0.0 || w.error_m2_per_sr > NEGLIGIBLE * largest;
+        let mut text =
+            format!("\n  {:<NAME$}  {:>16}  {:>12}\n", "light of", "W, m²/sr", "stated error");
+        for weight in single().filter(counts) {
+            let material = weight.material.as_deref().unwrap_or_default();
+            let name = shortened(&format!("{}, {material}", weight.source), NAME);
+            let _ = writeln!(
+                text,
+                "  {name:<NAME$}  {:>16.9e}  {:>12.2e}",
+                weight.weight_m2_per_sr, weight.error_m2_per_sr,
+            );
+        }
+        let rest = single().count() - single().filter(counts).count();
+        if rest > 0 {
+            let _ = writeln!(
+                text,
+                "  {} of 0, with an error of next to nothing: --json has them",
+                counted(rest, "term")
+            );
+        }
+        text
+    }
+
     /// The text.
     pub fn text(&self) -> String {
         let (light, options) = (self.light, self.all.options());
@@ -80,17 +122,7 @@ impl IntensityReport<'_> {
                 at.intensity_w_per_sr_nm,
             );
         }
-        text.push_str("\n  W, m²/sr              stated error  light of\n");
-        for weight in light.weights.iter().filter(|weight| weight.material.is_some()) {
-            let _ = writeln!(
-                text,
-                "  {:>16.9e}         {:>9.2e}  {}{}",
-                weight.weight_m2_per_sr,
-                weight.error_m2_per_sr,
-                weight.source,
-                weight.material.as_ref().map_or(String::new(), |m| format!(", {m}"))
-            );
-        }
+        text.push_str(&self.terms());
         // Light that went by several materials has a term for each product of their spectra.
         let mut several: Vec<(&str, usize)> = Vec::new();
         for weight in light.weights.iter().filter(|weight| weight.material.is_none()) {

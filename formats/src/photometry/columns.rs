@@ -450,7 +450,7 @@ pub(super) fn named_times<'a>(
 ) -> Result<Option<(&'a str, ColumnTimes)>, ParseError> {
     let missing = |asked: &str, what: &str| {
         let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-        let found = format!("the columns {}", all.join(", "));
+        let found = format!("the columns {}", crate::text::listed(all));
         ParseError::new(path, found, format!("a column `{asked}` of {what}"))
     };
     // A name that was asked for is never passed over.

@@ -111,7 +111,7 @@ fn of_table(
 ) -> Result<Import, ParseError> {
     let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
     let lacks = |expected: &str| {
-        Err(ParseError::new(path, format!("the columns {}", all.join(", ")), expected))
+        Err(ParseError::new(path, format!("the columns {}", crate::text::listed(&all)), expected))
     };
     if table.meta_text("quantity").is_some() {
         let error = ParseError::new(path, "a light curve of this program", "another program's");

@@ -198,7 +198,7 @@ pub fn open_named(
         // A light curve of our own without samples is refused by those who need some.
         Source::Table(name, table) if table.rows() == 0 && !table.meta.contains_key("quantity") => {
             let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            let found = format!("{name} with 0 rows below the names {}", names.join(", "));
+            let found = format!("{name} with 0 rows below the names {}", listed(names));
             Err(ParseError::new(path, found, "a row for each sample"))
         }
         _ => Ok(source),

@@ -248,7 +248,7 @@ impl CurveFile {
             PublishedError::NoCurve {
                 path: path.to_path_buf(),
                 column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
-                found: found.join(", "),
+                found: listed(found),
             }
         };
         let (name, is_flux) = match (names.magnitude_of(&table), names.flux_of(&table)) {

@@ -2,7 +2,7 @@
 
 use super::chart::{Chart, Kind, Line, Scale};
 use super::escape::Text;
-use crate::plot::{label, ticks};
+use crate::plot::{labels, ticks};
 use std::fmt::Write as _;
 
 const WIDTH: f64 = 760.0;
@@ -73,23 +73,25 @@ pub(super) fn draw(page: &mut String, chart: &Chart, x_label: &str, x: (f64, f64
         Text(&chart.label)
     );
     let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
-    for tick in ticks(x.0, x.1, false, 8) {
+    let across = ticks(x.0, x.1, false, 8);
+    for (tick, label) in across.iter().copied().zip(labels(&across)) {
         let at = paper.across(tick);
         let _ = writeln!(
             page,
             "<path class=\"grid\" d=\"M{at:.1} {TOP}V{bottom}\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             bottom + 15.0,
-            label(tick)
+            label
         );
     }
-    for tick in ticks(paper.y.0, paper.y.1, chart.scale == Scale::Log, 6) {
+    let up = ticks(paper.y.0, paper.y.1, chart.scale == Scale::Log, 6);
+    for (tick, label) in up.iter().copied().zip(labels(&up)) {
         let at = paper.up(tick);
         let _ = writeln!(
             page,
             "<path class=\"grid\" d=\"M{LEFT} {at:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             LEFT - 6.0,
             at + 4.0,
-            label(tick)
+            label
         );
     }
     let _ = writeln!(

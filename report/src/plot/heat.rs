@@ -2,7 +2,7 @@
 
 use super::PlotError;
 use super::raster::Rasters;
-use super::scale::{Scale, label};
+use super::scale::Scale;
 use image::{Rgba, RgbaImage};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -222,7 +222,7 @@ pub(super) fn draw_scale<DB: DrawingBackend>(
         let y = at(fraction);
         let stroke = RGBColor(90, 90, 90).stroke_width(scale);
         area.draw(&PathElement::new([(right, y), (right + 4 * s, y)], stroke)).map_err(failed)?;
-        area.draw_text(&label(*tick), &font, (right + 8 * s, y - 6 * s)).map_err(failed)?;
+        area.draw_text(&colours.label(*tick), &font, (right + 8 * s, y - 6 * s)).map_err(failed)?;
     }
     Ok(())
 }

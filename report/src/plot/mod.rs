@@ -16,7 +16,7 @@ use plotters::style::{FontStyle, register_font};
 use raster::Rasters;
 pub use raster::base64;
 use scale::Scale;
-pub use scale::{label, ticks};
+pub use scale::{labels, ticks};
 use std::io::Cursor;
 use std::sync::Once;
 

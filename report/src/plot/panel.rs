@@ -1,7 +1,7 @@
 //! A panel: its axes, what is drawn between them, and the names beside them.
 
 use super::raster::Rasters;
-use super::scale::{Scale, label};
+use super::scale::Scale;
 use super::{DASHES, LEGEND_NAMES, LEGEND_WIDTH, Panel, PlotError, Series, Style, dashes, heat};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -147,8 +147,8 @@ impl Panel {
             .axis_style(RGBColor(120, 120, 120).stroke_width(scale))
             // The labels keep their distance from the axes, and so from those of the other axis.
             .set_all_tick_mark_size(5 * scale)
-            .x_label_formatter(&|v| label(*v))
-            .y_label_formatter(&|v| label(*v))
+            .x_label_formatter(&|v| x.label(*v))
+            .y_label_formatter(&|v| y.label(*v))
             .draw()
             .map_err(failed)?;
         let plot = chart.plotting_area().strip_coord_spec();

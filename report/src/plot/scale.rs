@@ -20,7 +20,7 @@ impl Scale {
     /// An axis along the bottom: as many labels as there is room for.
     pub(super) fn horizontal((lo, hi): (f64, f64), log: bool) -> Self {
         let fits = |ticks: &Vec<f64>| {
-            ticks.iter().map(|t| label(*t).chars().count() + 2).sum::<usize>() <= CHARACTERS
+            labels(ticks).iter().map(|l| l.chars().count() + 2).sum::<usize>() <= CHARACTERS
         };
         let choices = [10, 8, 6, 5, 4, 3];
         let ticks = choices.iter().map(|most| ticks(lo, hi, log, *most)).find(fits);
@@ -41,6 +41,11 @@ impl Scale {
     /// The values that are labelled.
     pub(super) fn ticks(&self) -> &[f64] {
         &self.ticks
+    }
+
+    /// The label of one of the ticks, in the form that all of them have.
+    pub(super) fn label(&self, value: f64) -> String {
+        label(value, Form::of(&self.ticks))
     }
 
     /// First and last value.
@@ -74,20 +79,21 @@ impl Ranged for Scale {
     }
 }
 
+// The axes are drawn with [`Scale::label`]: the drawing library asks for this one, too.
 impl ValueFormatter<f64> for Scale {
     fn format(value: &f64) -> String {
-        label(*value)
+        label(*value, Form::of(&[*value]))
     }
 }
 
 /// Round numbers from `lo` to `hi`, at most about `most`, each the float nearest to a short decimal.
 ///
 /// ```
-/// use sunglint_report::plot::{label, ticks};
+/// use sunglint_report::plot::{labels, ticks};
 ///
 /// let ticks = ticks(0.0, 1.0, false, 6);
 /// assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]));
-/// assert!(ticks.iter().all(|tick| label(*tick).len() <= 4));
+/// assert!(labels(&ticks).iter().all(|label| label.len() <= 4));
 /// ```
 pub fn ticks(lo: f64, hi: f64, log: bool, most: usize) -> Vec<f64> {
     if log {
@@ -133,15 +139,41 @@ fn decimal(mantissa: i64, exponent: i32) -> f64 {
     format!("{mantissa}e{exponent}").parse().unwrap_or(f64::NAN)
 }
 
-/// The shortest text that gives the value back.
-pub fn label(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if (1e-4..1e6).contains(&size) {
-        value.to_string()
-    } else {
-        format!("{value:e}")
+/// Form of the labels of an axis: one for all of them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// 0.001, 1000.
+    Plain,
+    /// 1e-3, 1e3.
+    Powers,
+}
+
+impl Form {
+    /// Plain where all values are short that way.
+    fn of(ticks: &[f64]) -> Self {
+        let is_short = |v: &f64| *v == 0.0 || (1e-4..1e6).contains(&v.abs());
+        if ticks.iter().all(is_short) { Self::Plain } else { Self::Powers }
+    }
+}
+
+/// The labels of an axis: each the shortest text of the axis' form that gives its value back. Either all have powers of ten, or none has.
+///
+/// ```
+/// use sunglint_report::plot::labels;
+///
+/// assert_eq!(labels(&[1e-5, 1e-3, 0.1]), ["1e-5", "1e-3", "1e-1"]);
+/// assert_eq!(labels(&[0.0, 0.5]), ["0", "0.5"]);
+/// ```
+pub fn labels(ticks: &[f64]) -> Vec<String> {
+    let form = Form::of(ticks);
+    ticks.iter().map(|tick| label(*tick, form)).collect()
+}
+
+fn label(value: f64, form: Form) -> String {
+    match form {
+        _ if value == 0.0 => "0".into(),
+        Form::Plain => value.to_string(),
+        Form::Powers => format!("{value:e}"),
     }
 }
 
@@ -163,7 +195,7 @@ mod tests {
                     }
                     for scale in [Scale::horizontal((lo, hi), log), Scale::vertical((lo, hi), log)]
                     {
-                        let labels: Vec<String> = scale.ticks.iter().map(|t| label(*t)).collect();
+                        let labels = labels(&scale.ticks);
                         let case = format!("{lo} to {hi}, log {log}: {labels:?}");
                         assert!((3..=12).contains(&labels.len()), "{case}");
                         let different: HashSet<&String> = labels.iter().collect();
@@ -183,9 +215,7 @@ mod tests {
 
     #[test]
     fn ticks_are_where_people_want_them() {
-        let of = |lo, hi, log| -> Vec<String> {
-            Scale::vertical((lo, hi), log).ticks.iter().map(|t| label(*t)).collect()
-        };
+        let of = |lo, hi, log| -> Vec<String> { labels(&Scale::vertical((lo, hi), log).ticks) };
         assert_eq!(
             of(4e-12, 3.1e-11, false),
             ["5e-12", "1e-11", "1.5e-11", "2e-11", "2.5e-11", "3e-11"]
@@ -195,7 +225,12 @@ mod tests {
         assert_eq!(of(1e-3, 1e3, true), ["0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
         assert_eq!(of(1.0, 1.1, true)[..2], ["1", "1.01"]);
         assert_eq!(of(1e-300, 1e300, true).len(), 10);
-        assert_eq!(label(0.25), "0.25");
-        assert_eq!(label(-0.0), "0");
+        assert_eq!(labels(&[0.25, -0.0]), ["0.25", "0"]);
+        // One axis has one form, whichever way its ends lie.
+        assert_eq!(
+            of(1e-6, 1e2, true),
+            ["1e-6", "1e-5", "1e-4", "1e-3", "1e-2", "1e-1", "1e0", "1e1", "1e2"]
+        );
+        assert_eq!(of(0.0, 1.2e6, false)[..3], ["0", "2e5", "4e5"]);
     }
 }
