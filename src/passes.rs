@@ -277,7 +277,9 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     }
     // The text lists them, but where a file is written nobody may see it.
     for failure in failures.iter().take(MOST_WARNED) {
-        console.warn(&format!("left out: {}: {}", failure.what, failure.why));
+        // Errors of orbits begin with the object's name.
+        let why = failure.why.strip_prefix(&format!("{}: ", failure.what)).unwrap_or(&failure.why);
+        console.warn(&format!("left out: {}: {why}", failure.what));
     }
     if let Some(more) = failures.len().checked_sub(MOST_WARNED).filter(|more| *more > 0) {
         console.warn(&format!("… and {more} more objects left out (failures in --json)"));

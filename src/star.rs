@@ -237,7 +237,9 @@ impl StarArgs {
             _ => Catalogue::embedded()
                 .find(&self.name)
                 .map_err(|error| match error {
-                    StarError::Unknown { .. } | StarError::NotInCatalogue { .. } => {
+                    StarError::Unknown { .. }
+                    | StarError::NotInCatalogue { .. }
+                    | StarError::OfTheSolarSystem { .. } => {
                         anyhow!("{error}: --ra RA --dec DEC --v MAG --type MK (or --bv MAG)")
                     }
                     error => error.into(),

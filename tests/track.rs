@@ -9,6 +9,12 @@ const ISS: &str = "ISS (ZARYA)
 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
 ";
 
+/// Made up: a mean motion that grows by 0.18 revolutions a day, every day, of an object that is 58 days older at the time that is asked for.
+const DEBRIS: &str = "DEBRIS
+1 25544U 98067A   24064.51782528  .09000000  00000-0  99999-1 0  2925
+2 25544  51.6416 247.4627 0006703 130.5360 325.0288 16.42125391563535
+";
+
 /// Truth: the virtual telescope's own: its target is 1 s late and 20″ beside its track, and stands within 5″ of the axis. A German mount is turned over once, when the target is at the meridian
 /// (2 s: the target is late, and looked at in steps); at 10 °/s half a turn takes 18 s, and less than a minute is lost.
 #[test]
@@ -45,6 +51,13 @@ fn what_cannot_be_is_refused() {
     let wrong = |code, more: &[&str]| folder.refused(code, &[&track[..], more].concat());
     assert!(wrong(2, &["--mount", "virtual", "--sun-limit", "3"]).contains("10 to 90"));
     assert!(wrong(2, &["--mount", "virtual", "--for-s=0"]).contains("for-s"));
+    // Elements that have come down by then, and a planet in a star's place.
+    std::fs::write(folder.path("debris.tle"), DEBRIS).unwrap();
+    let debris = ["track", "debris.tle", "DEBRIS", "--station", "ufo", "--mount", "virtual"];
+    let down = folder.refused(1, &[&debris[..], &["--at", "2024-05-01T00:00:00"]].concat());
+    assert!(down.contains("nothing to follow") && down.contains("decayed"), "{down}");
+    let planet = folder.refused(1, &["goto", "jupiter", "--mount", "virtual", "--station", "ufo"]);
+    assert!(planet.contains("solar system") && planet.contains("right ascension"), "{planet}");
     let plan = folder.json(&[&track[..], &["--mount", "virtual", "--dry-run", "--json"]].concat());
     assert!(plan["went"].is_null() && plan["plan"]["refused"].is_null());
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use sunglint_drivers::clock::{Cancel, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Finder, Mount as _, MountAxes, MountKnown};
 use sunglint_ephemeris::geometry::Geometry;
-use sunglint_ephemeris::orbit::Orbit;
+use sunglint_ephemeris::orbit::{Orbit, OrbitError};
 use sunglint_ephemeris::passes::{Conditions, Search, SearchError};
 use sunglint_observatory::telescope::{
     Guard, PassPlan, PathError, SunCone, TargetPath, TrackError, TrackOptions, TrackStep,
@@ -108,6 +108,9 @@ pub enum RehearsalError {
     /// Times beyond the tables of the sky.
     #[error(transparent)]
     Sky(#[from] SkyError),
+    /// The orbit ends before the first pass.
+    #[error("there is nothing to follow: {0}")]
+    Ended(OrbitError),
     /// No pass within a day.
     #[error(
         "{object} is not above {min_altitude_deg:.0}° at {station} within a day: look for its passes with `sunglint passes`"
@@ -125,7 +128,7 @@ pub enum RehearsalError {
 /// Begin and length, s, of the pass that is on at a time or the first after it, within a day; cut to `most_s`.
 ///
 /// # Errors
-/// [`RehearsalError::NoPass`], or times that cannot be searched.
+/// [`RehearsalError::NoPass`], [`RehearsalError::Ended`] of elements that have decayed by then, or times that cannot be searched.
 pub fn next_pass(
     orbit: &Orbit,
     station: &Station,
@@ -139,6 +142,9 @@ pub fn next_pass(
     let search = Search::new(&station.site, &station.horizon, window, conditions, earth)?;
     let found = search.passes(orbit);
     let Some(pass) = found.passes.first() else {
+        if let Some((_, why)) = found.ended {
+            return Err(RehearsalError::Ended(why));
+        }
         let (object, station) = (orbit.name(), station.name.clone());
         return Err(RehearsalError::NoPass { object, station, min_altitude_deg });
     };

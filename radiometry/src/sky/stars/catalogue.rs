@@ -19,6 +19,15 @@ pub enum StarError {
         /// The nearest names, best first.
         nearest: Vec<String>,
     },
+    /// A body of the solar system.
+    #[error(
+        "`{asked}` is no star but a body of the solar system, which moves among the stars, and there are no targets of that kind: give the place \
+         where it stands in that hour (right ascension and declination, ICRS, J2000)"
+    )]
+    OfTheSolarSystem {
+        /// Requested body.
+        asked: String,
+    },
     /// The number is not in the catalogue.
     #[error(
         "{asked} is not among the {stars} stars of the catalogue, which ends at V = {faintest_mag}: give its place by \
@@ -89,6 +98,12 @@ const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α
 fn did_you_mean(nearest: &[String]) -> String {
     if nearest.is_empty() { String::new() } else { format!("; nearest: {}", nearest.join(", ")) }
 }
+
+/// Bodies that people ask for as if they were stars.
+const SOLAR_SYSTEM: [&str; 13] = [
+    "Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune",
+    "Pluto", "Ceres", "Vesta",
+];
 
 /// Names of the IAU's list (Working Group on Star Names, 2016 to 2018) that the table gives to several stars or spells otherwise, in lower case, with the Hipparcos number of the star that the
 /// list gives each to.
@@ -253,6 +268,9 @@ impl Catalogue {
         let listed = by_the_iau(&plain);
         if let Some(star) = self.stars.iter().find(|s| listed.is_some() && s.hip == listed) {
             return Ok(vec![star]);
+        }
+        if SOLAR_SYSTEM.iter().any(|body| body.eq_ignore_ascii_case(asked.trim())) {
+            return Err(StarError::OfTheSolarSystem { asked: asked.trim().to_owned() });
         }
         Err(StarError::Unknown { asked: asked.to_owned(), nearest: self.nearest(asked, &spelled) })
     }
