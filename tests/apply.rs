@@ -307,7 +307,8 @@ fn the_header_names_the_station() {
     let text = std::fs::read_to_string(folder.path("c.ecsv")).unwrap();
     let named = |station: &str| {
         let sum = sunglint_formats::sha256(STATION.as_bytes());
-        let origin = json!({"station": station, "inputs": [{"file": "site/station.toml", "sha256": sum}]});
+        let origin =
+            json!({"station": station, "inputs": [{"file": "site/station.toml", "sha256": sum}]});
         let head = text.replacen("# meta: {", &format!("# meta: {{\"provenance\": {origin}, "), 1);
         std::fs::write(folder.path("c.ecsv"), head).unwrap();
         let out = folder.run(&["apply", "k.ecsv", "c.ecsv", "-o", "-"]);
@@ -316,7 +317,10 @@ fn the_header_names_the_station() {
     let (code, said) = named("box");
     assert!(code == Some(0) && said.contains("station box, as the curve's header says"), "{said}");
     let (code, said) = named("nowhere");
-    assert!(code == Some(1) && said.contains("names the station nowhere") && said.contains("--station"), "{said}");
+    assert!(
+        code == Some(1) && said.contains("names the station nowhere") && said.contains("--station"),
+        "{said}"
+    );
     let other = folder.run(&["apply", "k.ecsv", "c.ecsv", "--station", "site", "-o", "-"]);
     let said = String::from_utf8(other.stderr).unwrap();
     assert!(other.status.success() && !said.contains("header"), "{said}");
@@ -326,5 +330,8 @@ fn the_header_names_the_station() {
     folder.done(&["simulate", "pass.toml", "-o", "p.ecsv", "-q"]);
     let out = folder.run(&["analyse", "unmix", "p.ecsv", "--endmembers", "white"]);
     let said = String::from_utf8(out.stderr).unwrap();
-    assert!(out.status.success() && said.contains("station ufo, as the curve's header says"), "{said}");
+    assert!(
+        out.status.success() && said.contains("station ufo, as the curve's header says"),
+        "{said}"
+    );
 }

@@ -110,10 +110,7 @@ fn what_goes_wrong_is_said() {
     // Channels without uncertainties: one is told, and none left is refused with what to do.
     let unsure = |c: &mut LightCurve| c.channels.iter_mut().for_each(|c| c.sigma_hz.fill(0.0));
     let message = refused(&unsure, &[]);
-    assert!(
-        message.contains("uncertainty 0") && message.contains("NAME_sigma_hz"),
-        "{message}"
-    );
+    assert!(message.contains("uncertainty 0") && message.contains("NAME_sigma_hz"), "{message}");
     let mut one = predicted.clone();
     one.kind = RateKind::Calibrated;
     let name = one.channels[0].name.clone();

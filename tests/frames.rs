@@ -533,16 +533,32 @@ fn frames_without_a_picture_are_told() {
 fn curves_of_a_folder_say_where_they_come_from() {
     let folder = Folder::new("origin");
     made_up(&folder.path("night"));
-    folder.done(&["reduce", "night", "--detect-sigma", "7", "-o", "out/", "--catalogue", "night/stars.csv"]);
+    folder.done(&[
+        "reduce",
+        "night",
+        "--detect-sigma",
+        "7",
+        "-o",
+        "out/",
+        "--catalogue",
+        "night/stars.csv",
+    ]);
     let files: Vec<String> = {
         let all = folder.json(&["reduce", "night", "--json"]);
-        all["frames"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap().to_owned()).collect()
+        all["frames"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|f| f["file"].as_str().unwrap().to_owned())
+            .collect()
     };
     let script = format!("sha256sum {} | cut -c1-64 | sha256sum | cut -c1-64", files.join(" "));
-    let sum = std::process::Command::new("sh").args(["-c", &script]).current_dir(&folder.0).output();
+    let sum =
+        std::process::Command::new("sh").args(["-c", &script]).current_dir(&folder.0).output();
     let sum = String::from_utf8(sum.unwrap().stdout).unwrap();
     for name in ["light_curve", "magnitudes"] {
-        let table = sunglint_formats::ecsv::read(folder.path("out").join(format!("{name}.ecsv"))).unwrap();
+        let table =
+            sunglint_formats::ecsv::read(folder.path("out").join(format!("{name}.ecsv"))).unwrap();
         let origin = &table.meta["provenance"];
         assert_eq!(origin["frames"]["count"], files.len(), "{origin}");
         assert_eq!(origin["frames"]["first"], files[0].as_str());

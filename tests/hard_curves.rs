@@ -279,9 +279,13 @@ fn fluxes_of_0_and_below_are_data() {
     for file in ["i.ecsv", "i.csv", "i.txt"] {
         let text = std::fs::read_to_string(folder.path(file)).unwrap();
         let bad = |word: &str| word.contains("inf") || word == "-1" || word.starts_with("-0.0");
-        let bad = |line: &&str| line.starts_with(['2', 'D']) && line.split([',', ' ', '|']).any(bad);
+        let bad =
+            |line: &&str| line.starts_with(['2', 'D']) && line.split([',', ' ', '|']).any(bad);
         assert_eq!(text.lines().find(bad), None, "{file}");
-        assert_eq!(text.lines().filter(|l| l.starts_with("DATA=")).count(), if file == "i.txt" { 38 } else { 0 });
+        assert_eq!(
+            text.lines().filter(|l| l.starts_with("DATA=")).count(),
+            if file == "i.txt" { 38 } else { 0 }
+        );
     }
     let table = sunglint_formats::ecsv::read(folder.path("i.ecsv")).unwrap();
     let column = |name: &str| table.f64(name).unwrap().into_owned();
@@ -292,17 +296,29 @@ fn fluxes_of_0_and_below_are_data() {
     assert!(column("sigma_flux")[5..8].iter().all(|s| s.is_nan()));
     // What is written is read as fluxes again, and every one of the 40 counts.
     for file in ["f.csv", "i.ecsv"] {
-        let folded = folder.json(&["analyse", "fold", file, "--period", "5", "--bins", "5", "--json"]);
+        let folded =
+            folder.json(&["analyse", "fold", file, "--period", "5", "--bins", "5", "--json"]);
         assert_eq!(folded["channels"][0]["samples"], 40, "{file}: {folded}");
-        assert!(folded["warnings"].to_string().contains("the first: 0 in row 6"), "{file}: {folded}");
+        assert!(
+            folded["warnings"].to_string().contains("the first: 0 in row 6"),
+            "{file}: {folded}"
+        );
     }
     let again = folder.json(&["import", "i.ecsv", "--json"]);
     assert_eq!((&again["with_magnitude"], &again["is_relative"]), (&38.into(), &true.into()));
     // No flux above 0 and no uncertainty: that is what is said.
-    std::fs::write(folder.path("d.csv"), "time_utc,flux\n2024-02-28T16:56:00Z,-1\n2024-02-28T16:56:01Z,-2\n").unwrap();
+    std::fs::write(
+        folder.path("d.csv"),
+        "time_utc,flux\n2024-02-28T16:56:00Z,-1\n2024-02-28T16:56:01Z,-2\n",
+    )
+    .unwrap();
     let dark = folder.refused(1, &["analyse", "fold", "d.csv", "--period", "5"]);
     assert!(dark.contains("flux above 0"), "{dark}");
-    std::fs::write(folder.path("n.csv"), "time_utc,mag\n2024-02-28T16:56:00Z,nan\n2024-02-28T16:56:01Z,nan\n").unwrap();
+    std::fs::write(
+        folder.path("n.csv"),
+        "time_utc,mag\n2024-02-28T16:56:00Z,nan\n2024-02-28T16:56:01Z,nan\n",
+    )
+    .unwrap();
     let none = folder.refused(1, &["analyse", "fold", "n.csv", "--period", "5"]);
     assert!(none.contains("the column mag has no number in any of 2 rows"), "{none}");
 }
@@ -312,11 +328,16 @@ fn fluxes_of_0_and_below_are_data() {
 fn a_file_of_another_kind_is_named() {
     let folder = Folder::new("other-kinds");
     std::fs::write(folder.path("scene.toml"), SPHERE_PASS).unwrap();
-    std::fs::write(folder.path("material.toml"), "[[material]]\nname = \"x\"\nmodel = \"lambert\"\nreflectance = 0.5\n").unwrap();
+    std::fs::write(
+        folder.path("material.toml"),
+        "[[material]]\nname = \"x\"\nmodel = \"lambert\"\nreflectance = 0.5\n",
+    )
+    .unwrap();
     std::fs::write(folder.path("curve.ecsv"), crate::common::turning_curve()).unwrap();
     std::fs::write(folder.path("b.bin"), [1_u8, 0, 0, 7].repeat(500)).unwrap();
     std::fs::write(folder.path("packed.toml"), [0x1f_u8, 0x8b, 8, 0, 0, 0, 0, 0]).unwrap();
-    std::fs::write(folder.path("page.html"), "<!DOCTYPE html><html><body>log in</body></html>\n").unwrap();
+    std::fs::write(folder.path("page.html"), "<!DOCTYPE html><html><body>log in</body></html>\n")
+        .unwrap();
     crate::sky::draw(&folder, "frame.fits");
     let fold = |file| vec!["analyse", "fold", file, "--period", "5"];
     for (arguments, found, wanted, advice) in [

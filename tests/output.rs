@@ -211,8 +211,11 @@ fn a_table_of_geometries_is_whole_or_not_there() {
     folder.done(&[&one[..], &["-o", "d.json", "--derivatives", "albedo"]].concat());
     // The table of terms stands within 80 columns, numbers below one another: the last columns of its head and of its rows are the same.
     let text = folder.done(&["light", "box_wing", "--sun", "1,0,0.1", "--observer", "1,0.2,0.3"]);
-    let terms: Vec<&str> =
-        text.lines().skip_while(|l| !l.starts_with("  light of")).take_while(|l| !l.is_empty()).collect();
+    let terms: Vec<&str> = text
+        .lines()
+        .skip_while(|l| !l.starts_with("  light of"))
+        .take_while(|l| !l.is_empty())
+        .collect();
     let rows: Vec<&&str> = terms.iter().filter(|l| l.contains("direct, ")).collect();
     assert_eq!(rows.len(), 4, "{text}");
     for row in rows.into_iter().chain(&terms[..1]) {

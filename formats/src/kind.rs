@@ -73,7 +73,7 @@ impl Kind {
         }
     }
 
-    /// What takes such a file, as advice.
+    /// Commands that take such a file, as advice.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Scene => {

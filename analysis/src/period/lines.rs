@@ -164,7 +164,7 @@ impl Weighed {
         Self { time, whole, left, resolution_hz: 1.0 / span, sampling_hz }
     }
 
-    /// What the harmonics leave at the first multiples of a frequency, and so many resolutions to either side of each.
+    /// Power that the harmonics leave at the first multiples of a frequency, and so many resolutions to either side of each.
     fn left_beside(&self, base_hz: f64, most: usize, places: &[f64]) -> Multiples {
         let offsets: Vec<f64> =
             places.iter().flat_map(|b| [-b, *b]).map(|b| b * self.resolution_hz).collect();

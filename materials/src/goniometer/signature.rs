@@ -417,7 +417,7 @@ mod tests {
         assert_eq!(captured(9.0, 0.0, 0.5, 0.5, 1.0, &rule), 0.0);
     }
 
-    /// What a disc about the middle takes in of a Gaussian beam about a place, point by point.
+    /// The part of a Gaussian beam about a place that a disc about the middle takes in, place by place.
     fn summed(radius: f64, at: [f64; 2], sigma: [f64; 2]) -> f64 {
         let n = 400;
         let mut sum = 0.0;
