@@ -79,10 +79,10 @@ impl Sampled {
         for ((t, w), y) in centred.time.iter().zip(centred.weight).zip(&centred.weighted) {
             let (sin, cos) = (TAU * turns(frequency_hz, *t)).sin_cos();
             let (mut c, mut s) = (1.0, 0.0);
-            for k in 0..2 * harmonics {
+            for (k, of_weights) in weights.iter_mut().enumerate() {
                 (c, s) = (c * cos - s * sin, c * sin + s * cos);
-                weights[k][0] += w * c;
-                weights[k][1] += w * s;
+                of_weights[0] += w * c;
+                of_weights[1] += w * s;
                 if let Some(of_values) = values.get_mut(k) {
                     of_values[0] += y * c;
                     of_values[1] += y * s;
