@@ -542,6 +542,11 @@ fn curves_of_a_folder_say_where_they_come_from() {
         "out/",
         "--catalogue",
         "night/stars.csv",
+        "--near",
+        "150",
+        "0",
+        "--scale-arcsec",
+        "3.6",
     ]);
     let files: Vec<String> = {
         let all = folder.json(&["reduce", "night", "--json"]);
@@ -566,7 +571,7 @@ fn curves_of_a_folder_say_where_they_come_from() {
         assert_eq!(origin["frames"]["sha256"], sum.trim());
         assert_eq!(
             origin["command"],
-            "sunglint reduce night --detect-sigma 7 --catalogue night/stars.csv"
+            "sunglint reduce night --detect-sigma 7 --catalogue night/stars.csv --near 150 0 --scale-arcsec 3.6"
         );
         let version = format!("sunglint {}", env!("CARGO_PKG_VERSION"));
         assert_eq!(origin["program"], version.as_str());

@@ -299,10 +299,9 @@ fn fluxes_of_0_and_below_are_data() {
         let folded =
             folder.json(&["analyse", "fold", file, "--period", "5", "--bins", "5", "--json"]);
         assert_eq!(folded["channels"][0]["samples"], 40, "{file}: {folded}");
-        assert!(
-            folded["warnings"].to_string().contains("the first: 0 in row 6"),
-            "{file}: {folded}"
-        );
+        let told = folded["warnings"].to_string().contains("the first: 0 in row 6");
+        // In what was imported they are no numbers any more.
+        assert_eq!(told, file == "f.csv", "{file}: {folded}");
     }
     let again = folder.json(&["import", "i.ecsv", "--json"]);
     assert_eq!((&again["with_magnitude"], &again["is_relative"]), (&38.into(), &true.into()));

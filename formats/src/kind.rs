@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn kinds_are_known_by_content() {
         let image = format!(
-            "{:<80}{:<80}{:<80}{:<2720}",
+            "{:<80}{:<80}{:<80}{:<2640}",
             "SIMPLE  =                    T",
             "BITPIX  =                    8",
             "NAXIS   =                    0",
