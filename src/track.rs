@@ -15,7 +15,7 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountSite};
+use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountRates, MountSite};
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
@@ -239,6 +239,11 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let mut mount = open(&args.mount)?;
     mount.know(&args.known.known()?);
     let abilities = mount.abilities().clone();
+    if matches!(abilities.rates, MountRates::Discrete { .. }) && !args.dry_run {
+        bail!(
+            "this mount takes a few rates only, which no driver sets yet: it can be sent to places, not follow a satellite"
+        );
+    }
     let cone = SunCone::default().with_limit_deg(args.sun_limit);
     let guard = Guard::of(&station.site, &abilities, cone)
         .with_horizon(station.horizon.clone(), args.min_elevation);

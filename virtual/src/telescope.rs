@@ -49,6 +49,8 @@ pub struct TelescopeOptions {
     pub clock_off_s: f64,
     /// Fastest rate of both axes, deg/s.
     pub fastest_deg_s: f64,
+    /// Rates other than none that it takes, deg/s, from the slowest; all of them where there are none here.
+    pub steps_deg_s: Vec<f64>,
     /// Strongest acceleration, deg/s².
     pub acceleration_deg_s2: f64,
     /// Time constant of a motor, s.
@@ -99,6 +101,7 @@ impl Default for TelescopeOptions {
             makes_sides_up: false,
             clock_off_s: 0.0,
             fastest_deg_s: 10.0,
+            steps_deg_s: Vec::new(),
             acceleration_deg_s2: 10.0,
             motor_s: 0.05,
             backlash_arcsec: 10.0,
@@ -288,7 +291,10 @@ impl Telescope {
     pub fn mount(&self) -> VirtualMount {
         let tube = self.lock();
         let most = tube.options.fastest_deg_s;
-        let rates = MountRates::Continuous { most_deg_s: [most, most].into() };
+        let rates = match tube.options.steps_deg_s.as_slice() {
+            [] => MountRates::Continuous { most_deg_s: [most, most].into() },
+            steps => MountRates::Discrete { deg_s: steps.to_vec() },
+        };
         let mut abilities = MountAbilities::new(tube.options.axes, rates);
         abilities.parks = true;
         abilities.tells_pier_side = tube.side().is_some();
@@ -751,6 +757,12 @@ impl Mount for VirtualMount {
                 device: DEVICE,
                 reason: "it is parked: unpark it first",
             });
+        }
+        let steps = &tube.options.steps_deg_s;
+        let has = |rate: &f64| *rate == 0.0 || steps.iter().any(|step| *step == rate.abs());
+        if let Some(asked) = deg_s.iter().copied().find(|rate| !steps.is_empty() && !has(rate)) {
+            let most = steps.last().copied().unwrap_or_default();
+            return Err(DeviceError::OutOfRange { name: "rate, deg/s", asked, least: -most, most });
         }
         // Stricter than it must be: not even rates of zero.
         let is_german = tube.options.span_rad().is_some();

@@ -25,9 +25,9 @@ pub enum MountRates {
         /// Largest rate of each axis, deg/s.
         most_deg_s: Axes,
     },
-    /// A few rates only.
+    /// A few rates only, the same of both axes, and none.
     Discrete {
-        /// The rates, deg/s, from the slowest.
+        /// The rates other than none, deg/s, from the slowest; each in both directions.
         deg_s: Vec<f64>,
     },
     /// None: the mount is only sent to places.
@@ -114,19 +114,26 @@ impl MountAbilities {
             None => self.is_fork |= known.axes == Some(MountAxes::Horizontal),
         }
         self.tells_pier_side &= !self.is_fork;
-        if let (Some(limit), MountRates::Continuous { most_deg_s }) =
-            (known.most_deg_s, &mut self.rates)
-        {
-            *most_deg_s = most_deg_s.map(|most| most.min(limit));
+        match (known.most_deg_s, &mut self.rates) {
+            (Some(limit), MountRates::Continuous { most_deg_s }) => {
+                *most_deg_s = most_deg_s.map(|most| most.min(limit));
+            }
+            (Some(limit), MountRates::Discrete { deg_s }) => deg_s.retain(|rate| *rate <= limit),
+            _ => {}
         }
         if let Some(least) = known.least_deg_s {
             self.least_deg_s = self.least_deg_s.map(|own| own.max(least));
         }
     }
 
-    /// A rate of an axis as the mount takes it, deg/s: one that is slower than its slowest is the nearer of that and none.
+    /// A rate of an axis as the mount takes it, deg/s: the nearest of those that it has; one that is slower than its slowest is the nearer of that and none.
     pub fn taken_deg_s(&self, axis: usize, deg_s: f64) -> f64 {
         let (size, least) = (deg_s.abs(), self.least_deg_s[axis]);
+        if let MountRates::Discrete { deg_s: steps } = &self.rates {
+            let off = |rate: &f64| (rate - size).abs();
+            let nearest = steps.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)));
+            return nearest.filter(|rate| off(rate) < size).unwrap_or(0.0).copysign(deg_s);
+        }
         match size {
             size if size >= least => deg_s,
             size if size >= 0.5 * least => least.copysign(deg_s),
@@ -140,6 +147,30 @@ impl MountAbilities {
             MountRates::Continuous { most_deg_s } => Some(most_deg_s),
             _ => None,
         }
+    }
+
+    /// The fastest rates of the two axes, deg/s; `None` of a mount that takes no rates.
+    pub fn fastest_deg_s(&self) -> Option<Axes> {
+        match &self.rates {
+            MountRates::Continuous { most_deg_s } => Some(*most_deg_s),
+            MountRates::Discrete { deg_s } => deg_s.last().map(|most| [*most, *most].into()),
+            MountRates::Absent => None,
+        }
+    }
+
+    /// Widest gap between neighbouring rates up to one, deg/s; `None` without gaps.
+    pub fn step_deg_s(&self, up_to_deg_s: f64) -> Option<f64> {
+        let MountRates::Discrete { deg_s } = &self.rates else { return None };
+        let mut last = 0.0;
+        let mut widest = 0.0_f64;
+        for rate in deg_s {
+            widest = widest.max(rate - last);
+            if *rate >= up_to_deg_s {
+                break;
+            }
+            last = *rate;
+        }
+        Some(widest)
     }
 }
 
@@ -239,7 +270,7 @@ impl MountReading {
         if let Some(pier) = self.pier {
             add("pier_side", Value::Text(pier.word().into()));
         }
-        if let Some(Axes { first: primary, second: secondary }) = abilities.continuous_deg_s() {
+        if let Some(Axes { first: primary, second: secondary }) = abilities.fastest_deg_s() {
             add("most_rate_deg_s", Value::Number(primary.min(secondary)));
         }
         settings

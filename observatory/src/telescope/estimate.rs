@@ -271,13 +271,14 @@ impl Estimator {
     }
 
     /// Learns from a frame: directions in the mount's axes with their brightness, at a time of the path. `place` is the path's place at that time and the known
-    /// offset, `stars_rad_s` the speed of the target against the stars.
+    /// offset, `stars_rad_s` the speed of the target against the stars, `blur_arcsec` by how much it is not known where the mount stood (1 σ).
     pub fn learn(
         &mut self,
         spots: &[(DVec3, f64)],
         time_s: f64,
         place: &Place,
         stars_rad_s: f64,
+        blur_arcsec: f64,
     ) -> Found {
         let speed = pace(place.speed_rad_s());
         let [along, left] = place.track();
@@ -287,6 +288,7 @@ impl Estimator {
             [off.dot(along) * ARCSEC, off.dot(left) * ARCSEC]
         };
         let options = self.options;
+        let measured_arcsec = options.measured_arcsec.hypot(blur_arcsec);
         let sigma = [
             (self.offset.along.sigma() * speed).hypot(if self.locked {
                 0.0
@@ -295,7 +297,7 @@ impl Estimator {
             }),
             self.offset.across.sigma(),
         ]
-        .map(|sigma| sigma.hypot(options.measured_arcsec));
+        .map(|sigma| sigma.hypot(measured_arcsec));
         let gate = sigma.map(|sigma| options.gate * sigma);
         let inside = |off: [f64; 2]| off[0].abs() < gate[0] && off[1].abs() < gate[1];
         let seen: Vec<([f64; 2], f64)> = spots
@@ -321,7 +323,7 @@ impl Estimator {
             if !crossing {
                 self.odd_since = None;
             }
-            self.take(*off, *flux, time_s, speed);
+            self.take(*off, *flux, time_s, speed, measured_arcsec);
             return Found::Target;
         }
         self.trails(&seen, time_s, stars_rad_s * ARCSEC).map_or(Found::Nothing, |(off, flux)| {
@@ -329,7 +331,7 @@ impl Estimator {
             self.locked = true;
             self.odd_since = None;
             self.flux = Some(flux);
-            self.take(off, flux, time_s, speed);
+            self.take(off, flux, time_s, speed, measured_arcsec);
             Found::Locked
         })
     }
@@ -339,8 +341,7 @@ impl Estimator {
         (3.0 * self.options.frame_s).max(1.0)
     }
 
-    fn take(&mut self, off: [f64; 2], flux: f64, time_s: f64, speed: f64) {
-        let sigma = self.options.measured_arcsec;
+    fn take(&mut self, off: [f64; 2], flux: f64, time_s: f64, speed: f64, sigma: f64) {
         self.offset.along.learn(off[0] / speed, sigma / speed);
         self.offset.across.learn(off[1], sigma);
         self.seen_s = Some(time_s);

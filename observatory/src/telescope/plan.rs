@@ -175,7 +175,7 @@ impl PassPlan {
                 Err(danger) => refused = Some(danger),
             }
         }
-        let mount_deg_s = abilities.continuous_deg_s();
+        let mount_deg_s = abilities.fastest_deg_s();
         let horizontal = frame.axes == MountAxes::Horizontal;
         let keyhole = mount_deg_s.and_then(|most| Keyhole::of(path, most[0]));
         Self {

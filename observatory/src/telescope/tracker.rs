@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, clock_offset_s};
 use sunglint_drivers::device::{
-    DeviceError, Finder, Mount, MountAxes, MountMotion, MountReading, PierSide, Spot,
+    DeviceError, Finder, Mount, MountAxes, MountMotion, MountRates, MountReading, PierSide, Spot,
 };
 use sunglint_numerics::axes::Axes;
 
@@ -131,6 +131,8 @@ const SWEPT_S: f64 = 120.0;
 const LOW: (f64, f64) = (0.5, 5.0);
 /// Time for which a mount may refuse its rates, s.
 const REFUSED_S: f64 = 1.0;
+/// Time by which a change of the rates may act sooner or later than is believed, s: jitter of commands, and what a motor needs.
+const ACTS_S: f64 = 0.02;
 /// Readings that are kept: a minute of ten a second, for frames with long exposures.
 const READINGS: usize = 600;
 
@@ -210,11 +212,8 @@ pub enum TrackError {
     )]
     Silent,
     /// A mount that only goes to places.
-    #[error("this mount takes no rates ({what}): it can be sent to places, not follow a satellite")]
-    NoRates {
-        /// Rates that it has.
-        what: &'static str,
-    },
+    #[error("this mount takes no rates: it can be sent to places, not follow a satellite")]
+    NoRates,
     /// Nothing to follow.
     #[error("the path ended {ago_s:.0} s ago")]
     Over {
@@ -665,7 +664,9 @@ impl<'a> Tracker<'a> {
         }
         let (a_s, a) = self.readings[after - 1];
         let part = (time_s - a_s) / (b_s - a_s);
-        Some([0, 1].map(|i| a[i] + part * (b[i] - a[i])))
+        // Between them on the way that it was told, where its rates change.
+        let (then, told) = (self.carried(a_s, a, time_s), self.carried(a_s, a, b_s));
+        Some([0, 1].map(|i| then[i] + part * (b[i] - told[i])))
     }
 
     /// Where the mount will be: its reading, and the commands that act between.
@@ -938,14 +939,7 @@ impl<'a> Tracker<'a> {
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<TrackSummary, TrackError> {
         self.zero_step_s = clock_offset_s();
-        let abilities = self.mount.abilities().clone();
-        let Some(most) = abilities.continuous_deg_s() else {
-            let what = match abilities.rates {
-                sunglint_drivers::device::MountRates::Discrete { .. } => "a few steps only",
-                _ => "none",
-            };
-            return Err(TrackError::NoRates { what });
-        };
+        let most = self.mount.abilities().fastest_deg_s().ok_or(TrackError::NoRates)?;
         self.most_deg_s = most.map(|rate| 0.98 * rate).to_array();
         let ago_s = self.now_s() - self.path.seconds();
         if ago_s > 0.0 {
@@ -1195,13 +1189,20 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// Rates that bring the mount from where it will be to the target.
+    /// Rates that bring the mount from where it will be to the target. Of a mount that has a few rates only they are those that come nearest to the target at the end of the period: it goes to and
+    /// fro about it, between neighbouring rates, by half of what they differ by in a period.
     fn rates(&self, then: [f64; 2], target: [f64; 2], ahead: [f64; 2]) -> [f64; 2] {
+        let abilities = self.mount.abilities();
+        let steps = matches!(abilities.rates, MountRates::Discrete { .. });
+        let gain_per_s =
+            if steps { self.options.period_s.recip() } else { self.options.gain_per_s };
         [0, 1].map(|i| {
             let error = target[i] - then[i];
             let brakes = (2.0 * self.options.acceleration_deg_s2 * error.abs()).sqrt();
-            let back = (self.options.gain_per_s * error.abs()).min(brakes);
-            (ahead[i] + back.copysign(error)).clamp(-self.most_deg_s[i], self.most_deg_s[i])
+            let back = (gain_per_s * error.abs()).min(brakes);
+            let rate =
+                (ahead[i] + back.copysign(error)).clamp(-self.most_deg_s[i], self.most_deg_s[i]);
+            if steps { abilities.taken_deg_s(i, rate) } else { rate }
         })
     }
 
@@ -1366,7 +1367,11 @@ impl<'a> Tracker<'a> {
                 // The stars turn about the pole, from east to west.
                 let stars = -pole.cross(place.direction) * STARS_RAD_S;
                 let against = (place.per_s - stars).length();
-                let found = self.estimator.learn(&spots, time_s, &place, against);
+                // A change of the rates acts sooner or later than is believed, and is not there at once.
+                let near_s = self.options.period_s;
+                let changes = self.rate_range(time_s - near_s, time_s + near_s);
+                let blur_arcsec = changes[0].hypot(changes[1]) * 3600.0 * ACTS_S;
+                let found = self.estimator.learn(&spots, time_s, &place, against, blur_arcsec);
                 if found == Found::Locked && summary.locked_s.is_none() {
                     summary.locked_s = Some(self.now_s());
                 }
@@ -1434,10 +1439,12 @@ impl<'a> Tracker<'a> {
         state
     }
 
-    /// How far apart the rates of each axis are that act after a time, deg/s.
-    fn rate_range(&self, from_s: f64) -> [f64; 2] {
-        let since_s = from_s - self.options.latency_s - 1.0;
-        let acting = self.commands.iter().filter(|(sent_s, _)| *sent_s >= since_s);
+    /// How far apart the rates of each axis are that act within a time, deg/s; with the last one of before.
+    fn rate_range(&self, from_s: f64, to_s: f64) -> [f64; 2] {
+        let acts = |sent_s: f64| sent_s + self.options.latency_s;
+        let first = self.commands.iter().rposition(|(sent_s, _)| acts(*sent_s) <= from_s);
+        let acting = self.commands.iter().skip(first.unwrap_or(0));
+        let acting = acting.take_while(|(sent_s, _)| acts(*sent_s) <= to_s);
         let ends = acting.fold([[f64::INFINITY, f64::NEG_INFINITY]; 2], |ends, (_, rates)| {
             [0, 1].map(|i| [ends[i][0].min(rates[i]), ends[i][1].max(rates[i])])
         });
@@ -1465,7 +1472,7 @@ impl<'a> Tracker<'a> {
             (length(told, from), length(angle, from), length(angle, told));
         // A change of the rate by v takes v²/2a of the way, as where the search turns round. Lost commands and a flip of the rates cost some, too: half of the way, and a tenth
         // of a degree, is a fault.
-        let changes = self.rate_range(from_s).map(|range| range * range);
+        let changes = self.rate_range(from_s - 1.0, f64::INFINITY).map(|range| range * range);
         let turns_deg = 0.5 * changes[0].hypot(changes[1]) / self.options.acceleration_deg_s2;
         if off > 0.5 * asked_deg.max(moved_deg) + 0.1 + turns_deg {
             return Err(TrackError::DoesNotFollow { asked_deg, moved_deg });
