@@ -1,8 +1,9 @@
 //! Places that the virtual telescope goes to, corrected by where its frames look.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use hifitime::{Epoch, Unit};
+use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,12 +14,13 @@ use sunglint_drivers::device::{
 };
 use sunglint_formats::time::parse_utc;
 use sunglint_observatory::telescope::{
-    Danger, Goto, GotoError, GotoOptions, GotoTarget, Guard, Looks, PointingModel, SunCone,
-    TrackError, fit_pointing,
+    Danger, Goto, GotoError, GotoOptions, GotoTarget, Guard, Light, Lights, Looks, PointingModel,
+    SearchOptions, SunCone, TrackError, fit_pointing,
 };
 use sunglint_radiometry::sky::{
     Catalogue, EarthOrientation, Equatorial, Geodetic, Observer, Site, Star,
 };
+use sunglint_testkit::Campaign;
 use sunglint_virtual::telescope::{Telescope, TelescopeOptions, VirtualMount};
 
 /// Turn of the camera, deg.
@@ -292,10 +294,12 @@ fn what_does_not_arrive_says_why() {
     );
 }
 
-/// A mount that stops so far beside each place that it is sent to, deg of declination, and counts how often it is sent.
+/// A mount that stops so far beside each place that it is sent to, deg of right ascension and declination, and counts how often it is sent. One that does not know it shows the place that it was sent to, until it
+/// is told where it is.
 struct Beside {
     mount: VirtualMount,
-    by_deg: f64,
+    by_deg: [f64; 2],
+    knows: bool,
     sent: usize,
 }
 
@@ -319,22 +323,38 @@ impl Mount for Beside {
     }
 
     fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
-        self.mount.reading(deadline)
+        let mut reading = self.mount.reading(deadline)?;
+        if let (MountPlace::Equatorial { ra_deg, dec_deg }, false) =
+            (&mut reading.place, self.knows)
+        {
+            *ra_deg = (*ra_deg + self.by_deg[0]).rem_euclid(360.0);
+            *dec_deg += self.by_deg[1];
+        }
+        Ok(reading)
     }
 
     fn begin_goto(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError> {
         self.sent += 1;
         let place = match place {
-            MountPlace::Equatorial { ra_deg, dec_deg } => {
-                MountPlace::Equatorial { ra_deg, dec_deg: dec_deg - self.by_deg }
-            }
+            MountPlace::Equatorial { ra_deg, dec_deg } => MountPlace::Equatorial {
+                ra_deg: (ra_deg - self.by_deg[0]).rem_euclid(360.0),
+                dec_deg: dec_deg - self.by_deg[1],
+            },
             other => other,
         };
         self.mount.begin_goto(place, deadline)
     }
 
     fn sync(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError> {
-        self.mount.sync(place, deadline)
+        let MountPlace::Equatorial { ra_deg, dec_deg } = place else {
+            return self.mount.sync(place, deadline);
+        };
+        let stands = self.mount.reading(deadline)?.place;
+        if let MountPlace::Equatorial { ra_deg: own_ra, dec_deg: own_dec } = stands {
+            let east = (ra_deg - own_ra + 180.0).rem_euclid(360.0) - 180.0;
+            self.by_deg = [east, dec_deg - own_dec];
+        }
+        Ok(())
     }
 
     fn set_tracking(&mut self, on: bool, deadline: &Deadline) -> Result<(), DeviceError> {
@@ -393,7 +413,8 @@ fn a_mount_that_is_late_is_sent_again() {
         let (own, target) = (star.clone(), GotoTarget::Star(Box::new(star.clone())));
         let sky = Arc::new(move |utc: Epoch| Some(enu_of(&own, utc)));
         let telescope = Telescope::new(makings, clock.clone(), sky);
-        let mut mount = Beside { mount: telescope.mount(), by_deg, sent: 0 };
+        let mut mount =
+            Beside { mount: telescope.mount(), by_deg: [0.0, by_deg], knows: true, sent: 0 };
         let mut goto = Goto {
             site: &site(),
             guard: &guard,
@@ -415,4 +436,183 @@ fn a_mount_that_is_late_is_sent_again() {
     assert!(off < 45.0 && own <= 30.0 && (2..=4).contains(&sent), "{off} {own} {sent}");
     let (off, own, sent) = go(1.0 / 12.0);
     assert!((off - 300.0).abs() < 45.0 && (own - 300.0).abs() < 45.0 && sent == 4, "{off} {own}");
+}
+
+/// Numbers in [0, 1): splitmix64.
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// The thesis' camera: 10′ × 8′, 0.6″ a pixel.
+const SIDES_PX: [f64; 2] = [1000.0, 800.0];
+const SCALE_ARCSEC: f64 = 0.6;
+/// Flux of the star in its frames; the stars about it are a thirtieth of it.
+const FLUX: f64 = 30_000.0;
+
+/// How a start went.
+#[derive(Debug)]
+struct Start {
+    /// Time that it took, s.
+    took_s: f64,
+    /// Distance of the tube from the star in the end, arcsec.
+    off_arcsec: f64,
+    /// By how much the camera's turn was found wrong, deg.
+    turn_deg: f64,
+    /// Distance of the tube from another star that the mount goes to afterwards by itself, arcsec.
+    next_arcsec: f64,
+}
+
+/// A start with a camera that nobody has measured, on a mount that is off by up to half a degree.
+fn start(seed: u64, least_flux: Option<f64>, knows_turn: bool) -> Result<Start, GotoError> {
+    let mut dice = Dice(seed * 104_729 + 7);
+    let names = ["Deneb", "Vega", "Altair", "Alderamin", "Schedar", "Mirach"];
+    let name = names[(dice.next() * names.len() as f64) as usize % names.len()];
+    let star = Catalogue::embedded().find(name).unwrap().clone();
+    let hand = Arc::new(VirtualClock::new());
+    let begin = parse_utc("2026-10-27T20:00:00Z").unwrap();
+    let clock = DeviceClock { clock: hand.clone(), zero_utc: Some(begin) };
+    let makings = TelescopeOptions::default().with(|o| {
+        (o.axes, o.seed, o.frame_s) = (MountAxes::Equatorial, seed, 0.5);
+        o.site_deg = [48.78, 9.18];
+    });
+    let own = star.clone();
+    let sky = Arc::new(move |utc: Epoch| Some(enu_of(&own, utc)));
+    let telescope = Telescope::new(makings, clock.clone(), sky).with_history();
+    // Anywhere in a circle of half a degree.
+    let (far, towards) = (0.5 * dice.next().sqrt(), std::f64::consts::TAU * dice.next());
+    let across = star.icrs.dec_deg.to_radians().cos();
+    let by_deg = [far * towards.cos() / across, far * towards.sin()];
+    let mut mount = Beside { mount: telescope.mount(), by_deg, knows: false, sent: 0 };
+    let (camera_deg, is_mirrored) = (360.0 * dice.next() - 180.0, dice.next() < 0.5);
+    let dice_turn = dice.next();
+    // A star of a thirtieth of the light somewhere in each frame.
+    let faint = move |dice: &mut Dice| Light {
+        place_px: DVec2::new((dice.next() - 0.5) * SIDES_PX[0], (dice.next() - 0.5) * SIDES_PX[1]),
+        flux: FLUX / 30.0,
+    };
+    let (seen, seen_clock, target) = (telescope.clone(), clock.clone(), star.clone());
+    let mut glance = |_: &Cancel| {
+        // Exposure and reading out.
+        hand.sleep(Duration::from_millis(300));
+        seen.advance();
+        let time_s = (seen_clock.utc() - begin).to_seconds() - 0.2;
+        let middle = begin + time_s * Unit::Second;
+        let axes = seen.axes_at(time_s).unwrap();
+        let light = enu_of(&target, middle);
+        // Gnomonic, on the tube's own axes; the camera hangs askew, and may look by a mirror.
+        let depth = light.dot(axes.z_axis);
+        let place = DVec2::new(light.dot(axes.x_axis), light.dot(axes.y_axis)) / depth;
+        let place = place * (206_264.806 / SCALE_ARCSEC);
+        let turned = DVec2::from_angle(-camera_deg.to_radians()).rotate(place);
+        let turned = if is_mirrored { DVec2::new(-turned.x, turned.y) } else { turned };
+        let noise = DVec2::new(dice.next() - 0.5, dice.next() - 0.5);
+        let mut lights = vec![faint(&mut dice)];
+        if depth > 0.0 && turned.x.abs() < 0.5 * SIDES_PX[0] && turned.y.abs() < 0.5 * SIDES_PX[1] {
+            lights.push(Light { place_px: turned + noise, flux: FLUX * (0.9 + 0.2 * dice.next()) });
+        }
+        Ok(Lights { middle, size_px: SIDES_PX.into(), lights })
+    };
+    let guard = Guard::new(&site(), MountAxes::Equatorial, false, SunCone::default());
+    let mut options = options();
+    (options.tolerance_arcsec, options.rounds, options.sync) = (4.0, 8, true);
+    let mut search = SearchOptions::new(SCALE_ARCSEC);
+    search.least_flux = least_flux;
+    // Within two degrees.
+    search.camera_angle_deg = knows_turn.then(|| camera_deg + 4.0 * (dice_turn - 0.5));
+    let mut goto = Goto {
+        site: &site(),
+        guard: &guard,
+        model: None,
+        mount: &mut mount,
+        clock: clock.clone(),
+        options,
+        beat: &|| (),
+    };
+    let each = &mut |_: &_| ControlFlow::Continue(());
+    let target = GotoTarget::Star(Box::new(star.clone()));
+    let gone = goto.search(&target, &mut glance, &search, &Cancel::new(), each)?;
+    let took_s = (clock.utc() - begin).to_seconds();
+    let off = |star: &Star| {
+        telescope.advance();
+        let time_s = (clock.utc() - begin).to_seconds();
+        let ahead = telescope.axes_at(time_s).unwrap().z_axis;
+        ahead.angle_between(enu_of(star, clock.utc())).to_degrees() * 3600.0
+    };
+    let off_arcsec = off(&star);
+    let camera = gone.camera.unwrap();
+    assert_eq!(camera.camera_mirrored, is_mirrored, "{seed}");
+    let turn_deg = (camera.camera_angle_deg - camera_deg + 540.0).rem_euclid(360.0) - 180.0;
+    let scale = camera.pixel_scale_arcsec / SCALE_ARCSEC;
+    assert!((0.8..1.25).contains(&scale), "{seed}: {camera:?}");
+    // Sadr stands 6° to 45° from these stars.
+    let next = Catalogue::embedded().find("Sadr").unwrap().clone();
+    let target = GotoTarget::Star(Box::new(next.clone()));
+    goto.options.sync = false;
+    goto.to(&target, None, &Cancel::new(), each)?;
+    Ok(Start { took_s, off_arcsec, turn_deg, next_arcsec: off(&next) })
+}
+
+/// Truth: the virtual telescope's own axis against the star, and its clock. A field of 10′ × 8′ whose turn is known within 2° and whose mirror nobody knows, a mount that is off by anything within half a degree and does not know it. Tolerance:
+/// the issue's, the star within 5″ of the frame's middle in two minutes in 95 of 100 starts. The camera's turn comes from two moves of 72″ with 10″ of backlash: 15° at most.
+/// Told where it is, the mount then finds another star by itself, within its tilt of 60″, backlash and the 30″ by its own reading at which it is left.
+#[test]
+fn campaign_thesis_starts() {
+    let mut campaign = Campaign::start("thesis_starts", 200);
+    let seeds = campaign.seeds();
+    let run = |least_flux: Option<f64>, knows_turn: bool| -> Vec<Start> {
+        let starts = seeds.clone().into_par_iter();
+        let run =
+            |seed| start(seed, least_flux, knows_turn).inspect_err(|e| println!("{seed}: {e}"));
+        starts.filter_map(|seed| run(seed).ok()).collect()
+    };
+    let starts = run(Some(0.25 * FLUX), true);
+    let sorted = |of: fn(&Start) -> f64, starts: &[Start]| {
+        let mut values: Vec<f64> = starts.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        [0.5, 0.95, 1.0].map(|part| values[((values.len() - 1) as f64 * part).round() as usize])
+    };
+    let took = sorted(|start| start.took_s, &starts);
+    let off = sorted(|start| start.off_arcsec, &starts);
+    let turn = sorted(|start| start.turn_deg.abs(), &starts);
+    let next = sorted(|start| start.next_arcsec, &starts);
+    println!("median, 95 %, most: {took:.0?} s, {off:.1?}″, turn {turn:.1?}°, next {next:.0?}″");
+    let good = starts.iter().filter(|start| start.took_s <= 120.0 && start.off_arcsec <= 5.0);
+    let good = good.count();
+    let all = seeds.clone().count();
+    println!("{good} of {all} within 5″ in two minutes, {} in the end", starts.len());
+    assert!(good * 100 >= all * 95, "{good} of {all}");
+    assert!(turn[2] < 15.0 && next[2] < 150.0, "{turn:?} {next:?}");
+    campaign.largest("longest_s", took[2]);
+    campaign.largest("farthest_arcsec", off[2]);
+    if campaign.is_whole() {
+        campaign.largest("took_median_s", took[0]);
+        campaign.largest("took_95_s", took[1]);
+        campaign.largest("off_95_arcsec", off[1]);
+        campaign.largest("missed", (all - good) as f64);
+        for (name, figure, least_flux, knows_turn) in [
+            ("turn not known", "unknown_turn_95_s", Some(0.25 * FLUX), false),
+            ("all fields", "all_fields_95_s", None, true),
+        ] {
+            let took = sorted(|start| start.took_s, &run(least_flux, knows_turn));
+            println!("{name}: median, 95 %, most: {took:.0?} s");
+            campaign.largest(figure, took[1]);
+        }
+    }
+    campaign.finish();
+}
+
+/// Truth: in words. A star that is farther off than is searched is not found, and the message says how far was looked and what was seen.
+#[test]
+fn a_star_that_is_not_there_is_not_found() {
+    let error = start(3, Some(10.0 * FLUX), true).unwrap_err();
+    assert!(matches!(error, GotoError::Unseen { flux: Some(flux), .. } if flux < 1.2 * FLUX));
+    assert!(error.to_string().contains("fields up to 0.50°"), "{error}");
 }

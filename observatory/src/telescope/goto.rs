@@ -13,7 +13,9 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{DeviceError, Mount, MountMotion, MountReading, PierSide};
+use sunglint_drivers::device::{
+    DeviceError, Mount, MountMotion, MountPlace, MountReading, PierSide,
+};
 use sunglint_numerics::axes::Axes;
 use sunglint_radiometry::sky::{
     AzimuthAltitude, EarthOrientation, Equatorial, Site, Star, StarError,
@@ -109,6 +111,48 @@ pub enum GotoError {
         /// How far, deg.
         off_deg: f64,
     },
+    /// The star is in none of the fields.
+    #[error(
+        "the star is in none of {fields} fields up to {radius_deg:.2}° about where it should be{}: search farther, expose longer, or check focus, clouds and the mount's time", brightest_text(*.flux)
+    )]
+    Unseen {
+        /// Fields.
+        fields: usize,
+        /// How far was searched, deg.
+        radius_deg: f64,
+        /// Flux of the brightest light that was seen.
+        flux: Option<f64>,
+    },
+    /// A search that would not end.
+    #[error(
+        "a search {radius_deg:.2}° far in fields of {:.1}′ takes {fields} of them, {most} at most: search less far, or use a finder", 60.0 * .field_deg
+    )]
+    TooManyFields {
+        /// Fields.
+        fields: usize,
+        /// Most that are allowed.
+        most: usize,
+        /// Narrower side of a field, deg.
+        field_deg: f64,
+        /// How far was to be searched, deg.
+        radius_deg: f64,
+    },
+    /// The light of the star was seen, and is seen no more.
+    #[error(
+        "the star was seen (flux {flux:.0}), and is not in the frame after a short move: clouds, or a light that is not in the sky"
+    )]
+    Vanished {
+        /// Its flux, in the frames' unit.
+        flux: f64,
+    },
+    /// The light does not move as the mount does.
+    #[error(
+        "the light in the frames moves by {part:.2} of what the mount does: a wrong pixel scale, a hot pixel, or a mount that does not move"
+    )]
+    Unmoved {
+        /// Part of the mount's way.
+        part: f64,
+    },
     /// Corrections do not bring it there.
     #[error(
         "after {rounds} frames the telescope is still {off_arcsec:.0}″ off, expected at most {tolerance_arcsec:.0}″"
@@ -121,6 +165,12 @@ pub enum GotoError {
         /// Largest that was allowed, arcsec.
         tolerance_arcsec: f64,
     },
+}
+
+fn brightest_text(flux: Option<f64>) -> String {
+    flux.map_or_else(String::new, |flux| {
+        format!(" (the brightest light there has a flux of {flux:.0})")
+    })
 }
 
 /// Where a frame looks.
@@ -205,8 +255,19 @@ fn between(path: &TargetPath, readings: [&MountReading; 2], at: Epoch) -> Axes {
     )
 }
 
+/// Somebody else parked or stopped it while a frame was taken.
+pub(super) fn check_untouched(before: MountMotion, after: MountMotion) -> Result<(), TrackError> {
+    match (before, after) {
+        (_, MountMotion::Parked) => Err(TrackError::ByHand { what: PARKED }),
+        (_, MountMotion::Slewing) | (MountMotion::Tracking, MountMotion::Still) => {
+            Err(TrackError::ByHand { what: STOPPED })
+        }
+        _ => Ok(()),
+    }
+}
+
 impl Goto<'_> {
-    fn path(&self, target: &GotoTarget, from: Epoch) -> Result<TargetPath, PathError> {
+    pub(super) fn path(&self, target: &GotoTarget, from: Epoch) -> Result<TargetPath, PathError> {
         let (earth, axes) = (EarthOrientation::embedded(), self.mount.abilities().axes);
         let span = (from, PATH_S);
         let path = match target {
@@ -223,7 +284,7 @@ impl Goto<'_> {
         })
     }
 
-    fn reading(&mut self, cancel: &Cancel) -> Result<MountReading, DeviceError> {
+    pub(super) fn reading(&mut self, cancel: &Cancel) -> Result<MountReading, DeviceError> {
         let soon = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
         (self.beat)();
         let reading = self.mount.reading(&soon);
@@ -232,7 +293,7 @@ impl Goto<'_> {
     }
 
     /// Sends the mount to a target until it is there by its own reading, or was sent again [`AGAIN`] times. Gives the path, and the distance that is left, arcsec.
-    fn arrive(
+    pub(super) fn arrive(
         &mut self,
         target: &GotoTarget,
         orders: &Orders,
@@ -259,7 +320,7 @@ impl Goto<'_> {
             let mut own_arcsec = off_arcsec(&arrived);
             if own_arcsec > OWN_ARCSEC {
                 // It may not have come to rest.
-                self.rest(cancel)?;
+                self.rest(self.options.settle_s, cancel)?;
                 let reading = self.reading(cancel)?;
                 match (arrived.motion, reading.motion) {
                     (_, MountMotion::Parked) => {
@@ -279,10 +340,22 @@ impl Goto<'_> {
         }
     }
 
+    /// Tells the mount where it is.
+    pub(super) fn tell_place(
+        &mut self,
+        place: MountPlace,
+        cancel: &Cancel,
+    ) -> Result<(), DeviceError> {
+        let soon = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
+        self.mount.sync(place, &soon)?;
+        (self.beat)();
+        Ok(())
+    }
+
     /// Lets the mount swing out.
-    fn rest(&self, cancel: &Cancel) -> Result<(), DeviceError> {
+    pub(super) fn rest(&self, settle_s: f64, cancel: &Cancel) -> Result<(), DeviceError> {
         let settle = Deadline::after(self.clock.clock.clone(), SETTLES).with_cancel(cancel);
-        let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
+        let rest = Duration::from_secs_f64(settle_s.clamp(0.0, 9.0));
         settle.sleep(rest).map_err(|_| CANCELLED)
     }
 
@@ -328,17 +401,11 @@ impl Goto<'_> {
             let Some(look) = look.as_mut() else {
                 return Ok(Gone { own_arcsec, off_arcsec: offs, camera, place });
             };
-            self.rest(cancel)?;
+            self.rest(self.options.settle_s, cancel)?;
             let before = self.reading(cancel)?;
             let looked = look(cancel);
             let after = self.reading(cancel)?;
-            match (before.motion, after.motion) {
-                (_, MountMotion::Parked) => return Err(TrackError::ByHand { what: PARKED }.into()),
-                (_, MountMotion::Slewing) | (MountMotion::Tracking, MountMotion::Still) => {
-                    return Err(TrackError::ByHand { what: STOPPED }.into());
-                }
-                _ => {}
-            }
+            check_untouched(before.motion, after.motion)?;
             let looks = looked.map_err(GotoError::Blind)?;
             let star = Star::at("the frame's middle", looks.sky_deg)?;
             let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
@@ -358,10 +425,7 @@ impl Goto<'_> {
             }
             if off_arcsec <= self.options.tolerance_arcsec {
                 if self.options.sync {
-                    let place = seen.place_of(angles(seen_at), 0.0);
-                    let soon = Deadline::after(self.clock.clock.clone(), SOON);
-                    self.mount.sync(place, &soon.with_cancel(cancel))?;
-                    (self.beat)();
+                    self.tell_place(seen.place_of(angles(seen_at), 0.0), cancel)?;
                 }
                 return Ok(Gone { own_arcsec, off_arcsec: offs, camera, place });
             }
