@@ -60,6 +60,8 @@ const LEAST_READINGS: usize = 6;
 const LEAST_STRETCH_DEG: f64 = 10.0;
 /// Largest change of ln f over that stretch.
 const LEVEL: f64 = 0.25;
+/// A floor rises with one over the cosine where at least this part of it does.
+const LEAST_RISE: f64 = 0.5;
 /// The lobe is followed as long as it is this part of the diffuse light, and so many standard deviations.
 const FOLLOWED: f64 = 0.1;
 const SIGMAS: f64 = 4.0;
@@ -74,13 +76,13 @@ struct Both {
     misfit: f64,
 }
 
-/// The best strengths of a lobe of known shape and of diffuse light: ln F₀, ln of diffuse over F₀, mean square of ln f.
-fn strengths(shape: &[f64], readings: &[Reading]) -> (f64, f64, f64) {
+/// The best strengths of a lobe and of diffuse light of known shapes: ln F₀, ln of diffuse over F₀, mean square of ln f.
+fn strengths(shape: &[f64], floor: &[f64], readings: &[Reading]) -> (f64, f64, f64) {
     let judge = |ln_ratio: f64| {
         let ratio = ln_ratio.exp();
         let (mut w, mut r, mut rr) = (0.0, 0.0, 0.0);
-        for (shape, (_, ln_f, weight)) in shape.iter().zip(readings) {
-            let left = ln_f - (shape + ratio).ln();
+        for ((shape, floor), (_, ln_f, weight)) in shape.iter().zip(floor).zip(readings) {
+            let left = ln_f - (shape + ratio * floor).ln();
             w += weight;
             r += weight * left;
             rr += weight * left * left;
@@ -100,24 +102,62 @@ fn shapes(distribution: Distribution, alpha: f64, readings: &[Reading]) -> Vec<f
     readings.iter().map(|(theta, ..)| ln_shape(distribution, alpha, *theta).exp()).collect()
 }
 
-fn both(distribution: Distribution, readings: &[Reading]) -> Both {
-    let judge =
-        |ln_alpha: f64| strengths(&shapes(distribution, f64::exp(ln_alpha), readings), readings).2;
+/// Diffuse light that is the same at all angles, mixed with `rise` of what grows as one over the cosine.
+fn floors(rise: f64, readings: &[Reading]) -> Vec<f64> {
+    readings.iter().map(|(theta, ..)| 1.0 - rise + rise / theta.cos().max(1e-3)).collect()
+}
+
+fn both(distribution: Distribution, rise: f64, readings: &[Reading]) -> Both {
+    let floor = floors(rise, readings);
+    let with = |alpha: f64| strengths(&shapes(distribution, alpha, readings), &floor, readings);
+    let judge = |ln_alpha: f64| with(ln_alpha.exp()).2;
     let (from, to) = (EVERY_ALPHA.0.ln(), EVERY_ALPHA.1.ln());
     let at = |k: usize| from + (to - from) * k as f64 / 32.0;
     let best = (0..=32).min_by(|a, b| judge(at(*a)).total_cmp(&judge(at(*b)))).unwrap_or(16);
     let ln_alpha = golden(at(best.saturating_sub(1)), at((best + 1).min(32)), judge);
     let alpha = ln_alpha.exp();
-    let (ln_f0, ln_ratio, square) = strengths(&shapes(distribution, alpha, readings), readings);
+    let (ln_f0, ln_ratio, square) = with(alpha);
     let (f0, diffuse) = (ln_f0.exp(), (ln_f0 + ln_ratio).exp());
     Both { distribution, alpha, f0, diffuse, misfit: square.sqrt() }
 }
 
+/// Both kinds of lobe with diffuse light, the better first.
+fn kinds(rise: f64, readings: &[Reading]) -> [Both; 2] {
+    let mut kinds = [Distribution::Beckmann, Distribution::Ggx].map(|d| both(d, rise, readings));
+    kinds.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
+    kinds
+}
+
+/// Looks for a floor that rises as one over the cosine beyond the lobe, as f of readings with a dark offset does, which is divided by the cosine with the sample's light. Returns its f towards the normal, sr⁻¹, where it is told from light
+/// that is the same at all angles, from a lobe alone, and is most of the light over a stretch of angles.
+pub(super) fn rising(readings: &[Reading]) -> Option<f64> {
+    let alone = |d: Distribution| fit(d, readings, EVERY_ALPHA).misfit;
+    let alone = alone(Distribution::Beckmann).min(alone(Distribution::Ggx));
+    let enough = ADEQUATE * noise(readings);
+    if alone <= enough {
+        return None;
+    }
+    let level_alone = kinds(0.0, readings)[0].misfit.min(alone);
+    if level_alone <= enough {
+        return None;
+    }
+    let tried = [0.25, 0.5, 0.75, 1.0].map(|rise| (rise, kinds(rise, readings)[0]));
+    let (rise, best) = tried.into_iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
+    let lobe = |theta: f64| best.f0 * ln_shape(best.distribution, best.alpha, theta).exp();
+    let seen: Vec<Reading> = (readings.iter().zip(floors(rise, readings)))
+        .filter(|(r, floor)| best.diffuse * floor >= SEEN * (best.diffuse * floor + lobe(r.0)))
+        .map(|((theta, ln_f, weight), floor)| (*theta, ln_f - floor.ln(), *weight))
+        .collect();
+    let (level, scatter) = level(&seen.iter().collect::<Vec<_>>());
+    let told = rise >= LEAST_RISE
+        && best.misfit < BETTER * level_alone
+        && level <= LEVEL + 2.0 * scatter / (seen.len().max(1) as f64).sqrt();
+    told.then_some(rise * best.diffuse)
+}
+
 /// Looks for diffuse light in readings (angle from the normal in radians, ln f, weight); `alone` is the misfit of the best lobe alone over the same readings.
 pub(super) fn find(readings: &[Reading], alone: f64) -> DiffuseLight {
-    let mut kinds = [both(Distribution::Beckmann, readings), both(Distribution::Ggx, readings)];
-    kinds.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
-    let [best, other] = kinds;
+    let [best, other] = kinds(0.0, readings);
     if !(best.misfit < SOME * alone && best.diffuse.is_finite() && best.f0.is_finite())
         || alone < 1e-6
     {
@@ -219,7 +259,8 @@ pub(super) fn again(
     if found.origin != DiffuseOrigin::Fitted {
         return *found;
     }
-    let (ln_f0, ln_ratio, _) = strengths(&shapes(shape.0, shape.1, readings), readings);
+    let floor = floors(0.0, readings);
+    let (ln_f0, ln_ratio, _) = strengths(&shapes(shape.0, shape.1, readings), &floor, readings);
     let f_per_sr = (ln_f0 + ln_ratio).exp();
     if f_per_sr.is_finite() { DiffuseLight { f_per_sr, ..*found } } else { *found }
 }

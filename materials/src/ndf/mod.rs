@@ -43,6 +43,7 @@
 mod anisotropic;
 mod diffuse;
 mod nodes;
+mod passes;
 mod power;
 mod profile;
 mod scan;
@@ -279,6 +280,33 @@ pub enum Note {
         /// The angle to which the lobe is followed, degrees.
         followed_to_deg: f64,
     },
+    /// The readings are of several passes, and one is brighter or dimmer than the first.
+    PassesDiffer {
+        /// Number of the pass, from 1: that which is farthest off.
+        pass: usize,
+        /// Its readings over those of the first pass.
+        ratio: f64,
+        /// Standard deviation of the ratio, by the scatter.
+        sigma: f64,
+        /// The ratio less 1 in standard deviations; 1000 stands for any more.
+        sigmas: f64,
+        /// Angles that both have.
+        angles: usize,
+    },
+    /// Beyond the lobe f rises as one over the cosine, as readings with a dark offset do.
+    Floor {
+        /// The floor's f towards the normal, sr⁻¹.
+        f_per_sr: f64,
+        /// It over the largest reading.
+        part: f64,
+        /// Where the normal is, the stage's angle.
+        zero_deg: f64,
+    },
+    /// More light comes back than from any surface.
+    TooBright {
+        /// The F₀ that was found.
+        f0: f64,
+    },
     /// Whether there is diffuse light is not decided.
     DiffuseUnknown {
         /// Reflectance that the readings would allow.
@@ -315,6 +343,22 @@ impl fmt::Display for Note {
             Self::DiffuseUnknown { most } => write!(
                 f,
                 "it is not decided whether there is diffuse light (of reflectance {most:.3} or less): nothing was taken off. Measure to larger angles, where the lobe has ended"
+            ),
+            Self::PassesDiffer { pass, ratio, sigma, sigmas, angles } => write!(
+                f,
+                "pass {pass} over the angles is not as bright as the first: {ratio:.4} ± {sigma:.4} times, {}{sigmas:.0} standard deviations by {angles} angles that both have. \
+                 Both count alike, so that the result lies between them: find out which is wrong (the lamp, the range, the sample's place) and leave it out",
+                if *sigmas < 1000.0 { "" } else { "more than " }
+            ),
+            Self::Floor { f_per_sr, part, zero_deg } => write!(
+                f,
+                "the readings do not vanish towards grazing, where a sample's light must: beyond the lobe f rises as {f_per_sr:.3e} sr⁻¹/cosθ, as it does with a dark offset of {:.2} % of the largest reading. \
+                 Nothing was taken off, and the lobe is too wide if it is one. Subtract the dark, or take {f_per_sr:.4e}/cos(angle_deg − {zero_deg:.2}°) off f_per_sr; if the dark is right, it is a rough part of the sample",
+                100.0 * part
+            ),
+            Self::TooBright { f0 } => write!(
+                f,
+                "F0 is {f0:.3}, more than any surface but a retro-reflector has (1 of mirrors, 2.1 of white paint): are the values percent (then divide f_per_sr by 100), or is the scale wrong?"
             ),
             Self::Mirrored => {
                 f.write_str("azimuths beyond a quarter of the circle: mirror images of those measured")
@@ -440,8 +484,17 @@ pub fn extract(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> 
             ndf.notes.push(Note::Blurred { alpha, smallest_alpha });
         }
     }
+    let is_wide = ndf.profiles.iter().all(|p| p.ggx.alpha.min(p.beckmann.alpha) > WIDE);
+    if ndf.f0 > if is_wide { MOST_F0_WIDE } else { MOST_F0 } {
+        ndf.notes.push(Note::TooBright { f0: ndf.f0 });
+    }
     Ok(ndf)
 }
+
+/// Largest F₀ of a surface, with what a scale may be off: of mirrors 1, and of a lobe wider than this, which may be diffuse light, 2.08.
+const MOST_F0: f64 = 1.5;
+const WIDE: f64 = 0.5;
+const MOST_F0_WIDE: f64 = 2.5;
 
 fn isotropic(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> {
     let mut notes = Vec::new();

@@ -85,6 +85,11 @@ impl Traced {
         }
         let too_few = || NdfError::TooFew { found: scan.f.len(), least: 8 };
         let all = off_normal(scan, zero.angle_deg);
+        if let Some(f_per_sr) = diffuse::rising(&all) {
+            let top = scan.f.iter().copied().fold(0.0, f64::max);
+            let (part, zero_deg) = (f_per_sr / top, zero.angle_deg);
+            notes.push(Note::Floor { f_per_sr, part, zero_deg });
+        }
         let (readings, diffuse) = lobe_of(&all, scan.knows_sigma(), options, notes);
         let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
         let (beckmann, ggx) = (shape(Distribution::Beckmann), shape(Distribution::Ggx));

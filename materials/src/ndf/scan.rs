@@ -1,6 +1,6 @@
 //! Usable readings of a scan: in the order of their angles, those left out with the reason.
 
-use super::{NdfError, Note};
+use super::{NdfError, Note, passes};
 use crate::table::{Reading, RetroFlags};
 use sunglint_numerics::order::median;
 
@@ -29,6 +29,7 @@ impl Scan {
     /// # Errors
     /// Too few, nothing above 0, a saturated peak, a peak that the angles do not resolve.
     pub fn clean(readings: &[Reading], notes: &mut Vec<Note>) -> Result<Self, NdfError> {
+        notes.extend(passes::differ(readings));
         let mut readings = readings.to_vec();
         if readings.windows(2).any(|pair| pair[0].angle_deg > pair[1].angle_deg) {
             notes.push(Note::Sorted);

@@ -2,6 +2,7 @@
 
 use crate::ndf::truth::{Shape, Truth, density_error, noisy, run};
 use sunglint_materials::ndf::{NdfFlags, NdfOptions, Note, TailKind, ZeroOrigin, extract};
+use sunglint_materials::table::RetroTable;
 
 fn options() -> NdfOptions {
     NdfOptions { resamplings: 0, ..NdfOptions::default() }
@@ -146,5 +147,57 @@ fn planes_of_incidence() {
         assert!(worst < tolerance && off < tolerance, "{worst:e} {off:e}");
         let last = azimuths.iter().fold(0.0_f64, |a, b| a.max(*b));
         assert_eq!(found.notes.contains(&Note::Mirrored), last == 90.0);
+    }
+}
+
+/// Truth: the second of two runs over the same angles is 10 % brighter by construction, 1 % of noise each. Tolerance: the ratio within four of the standard deviations that are stated, 0.2 % at most; no word of two runs that are alike. In whichever order: one after the other, there and back, sorted by angle.
+#[test]
+fn runs_that_disagree_are_named() {
+    let truth = Truth::isotropic(Shape::Ggx, 0.15, 0.8);
+    let ratio_of = |table: &RetroTable| {
+        extract(table, &options()).unwrap().notes.into_iter().find_map(|n| match n {
+            Note::PassesDiffer { ratio, sigma, sigmas, .. } => Some((ratio, sigma, sigmas)),
+            _ => None,
+        })
+    };
+    let first = noisy(&truth.run(0.5, 0.2), 0.01, 1).readings;
+    for scale in [1.0, 1.1] {
+        let mut second = noisy(&truth.run(0.5, 0.2), 0.01, 2).readings;
+        for reading in &mut second {
+            reading.f_per_sr *= scale;
+            reading.sigma_f_per_sr *= scale;
+        }
+        let after = [first.clone(), second.clone()].concat();
+        let mut sorted = after.clone();
+        sorted.sort_by(|a, b| a.angle_deg.total_cmp(&b.angle_deg));
+        second.reverse();
+        let back = [first.clone(), second].concat();
+        for readings in [after, back, sorted] {
+            let found = ratio_of(&RetroTable { readings, ..RetroTable::default() });
+            if scale == 1.0 {
+                assert_eq!(found, None);
+                continue;
+            }
+            let (ratio, sigma, sigmas) = found.unwrap();
+            assert!((ratio - 1.1).abs() < 4.0 * sigma && sigma < 2e-3, "{ratio} ± {sigma}");
+            assert!(sigmas > 40.0, "{sigmas}");
+        }
+    }
+}
+
+/// Truth: a metal's F₀ is 0.8, white paint's 2.0821; in percent they are a hundred times as much. Nothing is said of either as it is.
+#[test]
+fn percent_are_named() {
+    let truth = Truth::isotropic(Shape::Beckmann, 0.15, 0.8);
+    let metal = truth.run(0.5, 0.0);
+    let angles: Vec<f64> = metal.readings.iter().map(|r| r.angle_deg).collect();
+    for table in [metal.clone(), run(&angles, |_| 1.0 / std::f64::consts::PI)] {
+        for scale in [1.0, 100.0] {
+            let mut table = table.clone();
+            table.readings.iter_mut().for_each(|r| r.f_per_sr *= scale);
+            let notes = extract(&table, &options()).unwrap().notes;
+            let said = notes.iter().any(|n| n.to_string().contains("percent"));
+            assert_eq!(said, scale > 1.0, "{notes:?}");
+        }
     }
 }
