@@ -100,6 +100,7 @@ pub fn warnings(samples: &Samples) -> Vec<String> {
     });
     all.extend(brdf_table::mirrored_side(values));
     all.extend(implausible(samples));
+    all.extend(slips(samples));
     all
 }
 
@@ -134,6 +135,113 @@ pub fn implausible(samples: &Samples) -> Vec<String> {
     let widest = angles().fold(0.0, f64::max);
     if samples.rows.len() > 8 && widest > 0.0 && widest < RADIANS_DEG {
         all.push(format!("all angles from the normal are below {widest:.3}°: are they radians?"));
+    }
+    all
+}
+
+/// Neighbours of a value, how far they may lie, and the factor within which they agree.
+const NEIGHBOURS: usize = 4;
+const NEAR_DEG: f64 = 20.0;
+const ALIKE: f64 = 2.0;
+/// A value that is this many times as much as all of its neighbours, or as little, is none of theirs; and values of one direction that differ by this factor are two.
+const APART: f64 = 5.0;
+const DIFFER: f64 = 1.5;
+/// Values at an incidence that are searched one by one.
+const MOST_SEARCHED: usize = 3000;
+/// The mirrored direction is seen within this, or within three of the usual distances of neighbours.
+const MIRROR_DEG: f64 = 5.0;
+
+/// Warnings on single values that their neighbours contradict, on directions that stand there with different values (the normal has every azimuth), and on incidences whose mirrored direction was not measured. By the first wavelength.
+fn slips(samples: &Samples) -> Vec<String> {
+    let mut by_incidence: std::collections::BTreeMap<[i64; 3], Vec<(DVec3, f64)>> =
+        std::collections::BTreeMap::new();
+    for row in &samples.rows {
+        let (i, o) = row.directions();
+        let value = row.brdf_per_sr[0];
+        if value.is_finite() && value > 0.0 && o.z > 0.0 {
+            let key = (i * 1e7).to_array().map(|x| x.round() as i64);
+            by_incidence.entry(key).or_default().push((o, value));
+        }
+    }
+    let (mut lone, mut twice, mut blind) = (Vec::new(), Vec::new(), Vec::new());
+    let incidences = by_incidence.len();
+    for (key, values) in by_incidence {
+        let i = DVec3::from_array(key.map(|x| x as f64 * 1e-7)).normalize();
+        if values.len() < 2 * NEIGHBOURS || values.len() > MOST_SEARCHED {
+            continue;
+        }
+        let mirror = DVec3::new(-i.x, -i.y, i.z);
+        let mut steps = Vec::new();
+        for (k, (o, value)) in values.iter().enumerate() {
+            let others = values.iter().enumerate().filter(|(j, _)| *j != k);
+            let mut others: Vec<(f64, f64)> =
+                others.map(|(_, (at, v))| (at.angle_between(*o).to_degrees(), *v)).collect();
+            others.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let same = others.iter().take_while(|v| v.0 < 1e-4).map(|v| v.1);
+            if let Some(other) =
+                same.fold(None, |a: Option<f64>, b| Some(a.map_or(b, |a| a.max(b))))
+                && other > DIFFER * value
+            {
+                twice.push((i, *o, other / value));
+            }
+            others.retain(|v| v.0 >= 1e-4);
+            let Some(next) = others.first() else { continue };
+            steps.push(next.0);
+            let Some(near) = others.get(..NEIGHBOURS).filter(|n| n[NEIGHBOURS - 1].0 < NEAR_DEG)
+            else {
+                continue;
+            };
+            let least = near.iter().map(|v| v.1).fold(f64::INFINITY, f64::min);
+            let most = near.iter().map(|v| v.1).fold(0.0, f64::max);
+            // Peaks are about the mirrored direction and about the light's own.
+            let reach = 2.0 * near[NEIGHBOURS - 1].0;
+            let off = |d: DVec3| d.angle_between(*o).to_degrees();
+            let is_peak = off(mirror) < reach || off(i) < reach;
+            let is_high = *value > APART * most && !is_peak;
+            if most <= ALIKE * least && (is_high || *value < least / APART) {
+                lone.push((i, *o, value / (least * most).sqrt()));
+            }
+        }
+        let to_mirror = values.iter().map(|v| v.0.angle_between(mirror).to_degrees());
+        let nearest = to_mirror.fold(f64::INFINITY, f64::min);
+        let step = median(steps.iter().copied()).unwrap_or(0.0);
+        if nearest > MIRROR_DEG.max(3.0 * step) {
+            blind.push((i.z.clamp(-1.0, 1.0).acos().to_degrees(), nearest));
+        }
+    }
+    let place = |i: DVec3, o: DVec3| {
+        let (_, o) = crate::samples::turned(i, o);
+        let deg = |d: DVec3| d.z.clamp(-1.0, 1.0).acos().to_degrees();
+        let azimuth = o.y.atan2(o.x).to_degrees().rem_euclid(360.0);
+        format!(
+            "incidence {:.1}°, detector {:.1}°, azimuth {azimuth:.0}° from the light's",
+            deg(i),
+            deg(o)
+        )
+    };
+    let mut all = Vec::new();
+    let farthest = |list: &[(DVec3, DVec3, f64)]| {
+        list.iter().copied().max_by(|a, b| a.2.ln().abs().total_cmp(&b.2.ln().abs()))
+    };
+    if let Some((i, o, factor)) = farthest(&lone) {
+        all.push(format!(
+            "{} other than all of their neighbours by a factor of {APART} or more, though these agree: the farthest is {factor:.3} times as much ({}). A slip, or a stray reflection: look at them",
+            sunglint_formats::text::counted(lone.len(), "value") + if lone.len() == 1 { " is" } else { " are" },
+            place(i, o)
+        ));
+    }
+    if let Some((i, o, factor)) = farthest(&twice) {
+        all.push(format!(
+            "{} with values that differ by {DIFFER} times or more, the farthest by {factor:.3} ({})",
+            sunglint_formats::text::counted(twice.len(), "direction") + if twice.len() == 1 { " stands there" } else { " stand there" },
+            place(i, o)
+        ));
+    }
+    if let Some((theta_deg, nearest)) = blind.first() {
+        all.push(format!(
+            "at {} of {incidences} incidences nothing was measured near the mirrored direction (at {theta_deg:.1}° the nearest value is {nearest:.1}° off): a peak there is not in the table",
+            blind.len()
+        ));
     }
     all
 }

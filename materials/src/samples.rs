@@ -174,7 +174,14 @@ impl Samples {
         if rows.is_empty() {
             return Err(ParseError::new(path, "no row", "measured values"));
         }
-        Ok(Self { wavelength_nm: nm, rows, meta: table.meta.clone() })
+        let mut meta = table.meta.clone();
+        if let Some(unread) = unread_sigma(table).map(Value::from) {
+            let remarks = meta.entry("remarks".to_owned()).or_insert_with(|| Value::Array(vec![]));
+            if let Some(remarks) = remarks.as_array_mut().filter(|r| !r.contains(&unread)) {
+                remarks.push(unread);
+            }
+        }
+        Ok(Self { wavelength_nm: nm, rows, meta })
     }
 
     /// Returns the values as a table with a column for each wavelength (ECSV).
@@ -284,6 +291,26 @@ impl Samples {
 struct OfWavelength {
     value: Vec<f64>,
     sigma: Option<Vec<f64>>,
+}
+
+/// Says which columns seem to hold uncertainties and are not read.
+fn unread_sigma(table: &Table) -> Option<String> {
+    let of_value = |name: &str| {
+        let is_read = |c: &Column| c.name.strip_prefix("brdf_") == name.strip_prefix("sigma_");
+        name.starts_with("sigma_") && table.columns.iter().any(is_read)
+    };
+    let looks = |name: &str| {
+        let name = name.to_lowercase();
+        ["sigma", "std", "unc", "err"].iter().any(|word| name.contains(word))
+    };
+    let names = table.columns.iter().map(|c| c.name.as_str());
+    let unread: Vec<&str> = names.filter(|name| looks(name) && !of_value(name)).collect();
+    (!unread.is_empty()).then(|| {
+        format!(
+            "{} is not read: the standard deviation of brdf_550nm_per_sr is sigma_550nm_per_sr, that of brdf_per_sr is sigma_per_sr, in sr⁻¹",
+            unread.join(", ")
+        )
+    })
 }
 
 /// The wavelengths and their values, increasing.
