@@ -4,13 +4,15 @@
 //! transmissions, two sources added are the levels A, B, and both. Levels and the dark rate d are always found; a transmission is found where it is not known, and drawn to its value by its
 //! uncertainty where it is. A law is told from no law by how the counts of the products bend, never by an absolute rate.
 //!
-//! χ² is that of the counts, with the variance that each law itself gives them. If repeats of one light scatter more than that, all uncertainties grow by as much.
+//! The exposures of a light count as their sum: its mean rate and the time that it was seen, whether in one long exposure or in many of a few counts. χ² is that of these means, with the variance that each law itself gives them; what
+//! repeats of one light scatter about their mean is no law's. If they scatter more than counting does, all uncertainties grow by as much.
 //!
 //! | choice | rule |
 //! |---|---|
-//! | a law beside its limits: beside none; a recovery beside a dead time alone; many pixels beside one with prolonged dead time | only where Akaike's criterion is lower by [`TELLS`] |
-//! | between other laws | the best, where all others are worse by [`TELLS`]; else all that are left |
-//! | a law that does not fit | none where χ² beyond the repeats' own exceeds its degrees of freedom by 5 of its standard deviations |
+//! | none alone | where no law's χ² is lower by 3.84, so that the intervals of all dead times reach down to none |
+//! | a law beside its limits: a recovery beside a dead time alone; many pixels beside one with prolonged dead time | only where Akaike's criterion is lower by [`TELLS`] |
+//! | between other laws, and none | the best, where all others are worse by [`TELLS`]; else all that are left |
+//! | a law that does not fit | none where χ² exceeds its degrees of freedom by 5 of its standard deviations |
 //!
 //! Besides the laws of a station there is one for the comparator of many pixels, whose pulses decay and add up. Below one pulse the sum of equal ones that decay exponentially within τ has the distribution function
 //! e^(−γν) s^ν/Γ(1+ν), ν = nτ (the generalized Dickman law). A photon is counted where the sum before it is below the level s: m = n e^(−nw) e^(−γν)/Γ(1+ν), with the time w = τ ln(1/s) that one pulse alone is above it. The
@@ -28,6 +30,8 @@ use sunglint_radiometry::station::DeadTime;
 pub const TELLS: f64 = 9.2;
 /// Rise of χ² at the ends of an interval of 95 %.
 const RISE: f64 = 3.841_459;
+/// Difference of Akaike's criterion by which a dead time is seen: its interval of 95 % does not reach down to none.
+const SEEN: f64 = RISE - 2.0;
 /// Shortest and longest time that is tried, over the time between counts at the brightest: the shortest is none.
 const LEAST_TIME: f64 = 1e-7;
 const MOST_TIME: f64 = 1e7;
@@ -108,14 +112,12 @@ pub struct Fitted {
     pub law: DeadTime,
     /// Values of the law.
     pub found: Vec<Found>,
-    /// χ² of the counts.
+    /// χ² of the lights' mean counts, over the scatter of the repeats.
     pub chi2: f64,
-    /// Exposures and known transmissions less what was found.
+    /// Lights and transmissions that are known not exactly, less what was found.
     pub freedom: usize,
-    /// Akaike's criterion, of χ² over the scatter of the repeats.
+    /// Akaike's criterion: χ², with the logarithms of the variances, which laws have each their own, and two for each of a law's times.
     pub criterion: f64,
-    /// χ² beyond the scatter of the repeats, over its degrees of freedom; not a number without any.
-    pub misfit: f64,
     /// Whether it fits.
     pub fits: bool,
     /// Decades of the counted rate in which there are lights, the dark left out.
@@ -137,7 +139,7 @@ pub struct Choice {
     pub left: Vec<usize>,
     /// Scatter of repeats of one light over that of counting, a ratio of variances; 1 where it is less.
     pub scatter: f64,
-    /// Least and largest measured rate, Hz, dark exposures left out.
+    /// Least mean rate of a light and largest of an exposure, Hz, the dark left out.
     pub measured_hz: (f64, f64),
 }
 
@@ -307,17 +309,18 @@ pub fn fit(
     let best = fitted.iter().find(|(_, f)| f.fits).map(|(_, f)| f.criterion);
     let stands = |(kind, f): &(Kind, Fitted)| {
         let better = |than: Option<f64>| than.is_none_or(|than| f.criterion < than - TELLS);
+        let seen = none.is_none_or(|none| f.criterion < none - SEEN);
         let earns = match kind {
             Kind::None => true,
-            Kind::Recovery => better(none) && better(plain),
-            Kind::MultiPixel(_) | Kind::Decaying => better(none) && better(one),
-            _ => better(none),
+            Kind::Recovery => seen && better(plain),
+            Kind::MultiPixel(_) | Kind::Decaying => seen && better(one),
+            _ => seen,
         };
         f.fits && earns
     };
     let standing: Vec<usize> = (0..fitted.len()).filter(|k| stands(&fitted[*k])).collect();
-    // No law is the simplest: where it is not told from the best, it is the one.
-    let simple = none.zip(best).is_some_and(|(none, best)| none < best + TELLS);
+    // No law is the simplest: where no dead time is seen, it is the one.
+    let simple = none.zip(best).is_some_and(|(none, best)| none < best + SEEN);
     let least = standing.iter().map(|k| fitted[*k].1.criterion).fold(f64::INFINITY, f64::min);
     let left = standing
         .into_iter()
@@ -327,19 +330,30 @@ pub fn fit(
         })
         .collect();
     let lit = exposures.iter().filter(|e| !e.lights.is_empty());
-    let measured_hz = lit.map(|e| e.counts as f64 / e.exposure_s);
-    let measured_hz = measured_hz
-        .fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), m| (least.min(m), most.max(m)));
+    let most_hz = lit.map(|e| e.counts as f64 / e.exposure_s).fold(0.0, f64::max);
+    let lit = data.seen.iter().filter(|seen| !seen.lights.is_empty());
+    let measured_hz = (lit.map(Seen::hz).fold(f64::INFINITY, f64::min), most_hz);
     let fitted = fitted.into_iter().map(|(_, f)| f).collect();
     Ok(Choice { fitted, left, scatter: data.scatter, measured_hz })
 }
 
-/// The exposures, and how the unknowns lie in the vector that is fitted: logarithms of times, of levels, of transmissions; the dark rate.
+/// A light, and all of its exposures together.
+struct Seen<'a> {
+    lights: &'a [Light],
+    counts: f64,
+    time_s: f64,
+}
+
+impl Seen<'_> {
+    /// Mean rate, Hz.
+    fn hz(&self) -> f64 {
+        self.counts / self.time_s
+    }
+}
+
+/// The lights that were seen, and how the unknowns lie in the vector that is fitted: logarithms of times, of levels, of transmissions; the dark rate.
 struct Data<'a> {
-    exposures: &'a [Exposure],
-    /// Numbers of the light of each exposure among the different ones.
-    group: Vec<usize>,
-    groups: Vec<&'a [Light]>,
+    seen: Vec<Seen<'a>>,
     levels: usize,
     steps: &'a [Transmission],
     /// Place of each step's transmission among those that are found; none of the one that all others are relative to.
@@ -375,11 +389,16 @@ impl<'a> Data<'a> {
                 }
             }
         }
-        let mut groups: Vec<&[Light]> = exposures.iter().map(|e| &e.lights[..]).collect();
-        groups.sort_unstable();
-        groups.dedup();
-        let place = |e: &Exposure| groups.iter().position(|g| *g == &e.lights[..]).unwrap_or(0);
-        let group: Vec<usize> = exposures.iter().map(place).collect();
+        let mut sums: BTreeMap<&[Light], (f64, f64)> = BTreeMap::new();
+        for e in exposures {
+            let (counts, time_s) = sums.entry(&e.lights[..]).or_default();
+            *counts += e.counts as f64;
+            *time_s += e.exposure_s;
+        }
+        let scatter = scatter(exposures, &sums);
+        let groups: Vec<&[Light]> = sums.keys().copied().collect();
+        let one = |(lights, (counts, time_s))| Seen { lights, counts, time_s };
+        let seen: Vec<Seen> = sums.into_iter().map(one).collect();
         let levels = exposures.iter().flat_map(|e| &e.lights).map(|l| l.level + 1).max();
         let levels = levels.unwrap_or(0);
         for level in 0..levels {
@@ -415,16 +434,11 @@ impl<'a> Data<'a> {
         if groups.len() + priors <= unknowns {
             return Err(FitError::TooFew { lights: groups.len(), known, unknowns });
         }
-        let scatter = scatter(exposures, &group, groups.len());
-        let dark = exposures.iter().filter(|e| e.lights.is_empty());
-        let (counts, time) = dark.fold((0, 0.0), |(c, t), e| (c + e.counts, t + e.exposure_s));
-        let rates = exposures.iter().map(|e| e.counts as f64 / e.exposure_s);
-        let most_hz = rates.fold(0.0, f64::max).max(1e-3);
-        let dark_scale_hz = if time > 0.0 { (counts.max(1)) as f64 / time } else { 1.0 };
+        let most_hz = seen.iter().map(Seen::hz).fold(0.0, f64::max).max(1e-3);
+        let dark = seen.iter().find(|seen| seen.lights.is_empty());
+        let dark_scale_hz = dark.map_or(1.0, |dark| dark.counts.max(1.0) / dark.time_s);
         Ok(Self {
-            exposures,
-            group,
-            groups,
+            seen,
             levels,
             steps,
             free_step,
@@ -454,27 +468,26 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Rates of the groups; `x` are the unknowns without the law's.
+    /// Rates of the lights; `x` are the unknowns without the law's.
     fn rates_hz(&self, x: &[f64]) -> Vec<f64> {
         let dark_hz = match self.has_dark {
             true => x[self.levels + self.free_steps].max(0.0) * self.dark_scale_hz,
             false => 0.0,
         };
-        let of = |group: &&[Light]| {
-            let lit = group.iter().map(|l| x[l.level].exp() * self.transmission(l.step, x));
+        let of = |seen: &Seen| {
+            let lit = seen.lights.iter().map(|l| x[l.level].exp() * self.transmission(l.step, x));
             dark_hz + lit.sum::<f64>()
         };
-        self.groups.iter().map(of).collect()
+        self.seen.iter().map(of).collect()
     }
 
-    /// Residuals of exposures and of known transmissions, in standard deviations. `sigma` are those of the exposures' rates, Hz.
+    /// Residuals of lights and of known transmissions, in standard deviations. `sigma` are those of the lights' mean rates, Hz.
     fn residuals(&self, kind: Kind, x: &[f64], sigma_hz: &[f64]) -> DVector<f64> {
         let times = kind.values().len();
         let times_s: Vec<f64> = x[..times].iter().map(|ln| ln.exp()).collect();
         let rates = self.rates_hz(&x[times..]);
-        let counted: Vec<f64> = rates.iter().map(|n| kind.counted_hz(&times_s, *n)).collect();
-        let mut all: Vec<f64> = (self.exposures.iter().zip(&self.group).zip(sigma_hz))
-            .map(|((e, group), sigma)| (e.counts as f64 / e.exposure_s - counted[*group]) / sigma)
+        let mut all: Vec<f64> = (self.seen.iter().zip(rates).zip(sigma_hz))
+            .map(|((seen, n), sigma)| (seen.hz() - kind.counted_hz(&times_s, n)) / sigma)
             .collect();
         for (k, step) in self.steps.iter().enumerate() {
             if let (Some(free), Transmission::Known { value, relative_sigma }) =
@@ -486,39 +499,32 @@ impl<'a> Data<'a> {
         DVector::from_vec(all)
     }
 
-    /// Standard deviation of each exposure's rate by a law, Hz, at the mean of its repeats.
+    /// Standard deviation of each light's mean rate by a law, Hz, without the scatter of the repeats. A light without counts has that of one.
     fn sigma_hz(&self, kind: Kind, x: &[f64]) -> Vec<f64> {
         let times = kind.values().len();
         let times_s: Vec<f64> = x[..times].iter().map(|ln| ln.exp()).collect();
         let dead_time = kind.law(&times_s);
         let law = Law::new(&dead_time).ok();
-        let mean = means(self.exposures, &self.group, self.groups.len());
-        let fano: Vec<f64> = (mean.iter())
-            .map(|m| {
-                let at = law.as_ref().and_then(|law| law.invert(*m).ok());
-                // Past a law's end its variance is not known: that of a Poisson process is more.
-                at.map_or(1.0, |at| at.fano).clamp(1e-3, 10.0)
-            })
-            .collect();
-        (self.exposures.iter().zip(&self.group))
-            .map(|(e, group)| {
-                let counts = (mean[*group] * e.exposure_s * fano[*group]).max(1.0);
-                counts.sqrt() / e.exposure_s
-            })
-            .collect()
+        let sigma = |seen: &Seen| {
+            let at = law.as_ref().and_then(|law| law.invert(seen.hz()).ok());
+            // Past a law's end its variance is not known: that of a Poisson process is more.
+            let fano = at.map_or(1.0, |at| at.fano).clamp(1e-3, 10.0);
+            (seen.counts.max(1.0) * fano).sqrt() / seen.time_s
+        };
+        self.seen.iter().map(sigma).collect()
     }
 
     /// Levels and transmissions as if nothing was lost but by a first guess.
     fn begin(&self, kind: Kind, times_s: &[f64]) -> Option<Vec<f64>> {
         let law = Law::new(&kind.law(times_s)).ok()?;
-        let mean = means(self.exposures, &self.group, self.groups.len());
         let undone = |m: f64| law.invert(m).map_or(f64::NAN, |at| at.rate_hz);
-        let dark = self.groups.iter().position(|g| g.is_empty()).map_or(0.0, |k| mean[k]);
+        let dark = self.seen.iter().find(|seen| seen.lights.is_empty()).map_or(0.0, Seen::hz);
         let unknowns = self.levels + self.free_steps;
         let (mut rows, mut right) = (Vec::new(), Vec::new());
-        for (k, group) in self.groups.iter().enumerate() {
-            let [light] = group else { continue };
-            let rate = (undone(mean[k]) - undone(dark)).max(0.5 * (mean[k] - dark)).max(1e-3);
+        for seen in &self.seen {
+            let [light] = seen.lights else { continue };
+            let mean = seen.hz();
+            let rate = (undone(mean) - undone(dark)).max(0.5 * (mean - dark)).max(1e-3);
             if !rate.is_finite() {
                 return None;
             }
@@ -615,7 +621,7 @@ impl<'a> Data<'a> {
             columns.push((up - self.residuals(kind, &moved, sigma_hz)) / (2.0 * STEP));
         }
         if columns.is_empty() {
-            return DMatrix::zeros(self.exposures.len(), 0);
+            return DMatrix::zeros(self.seen.len() + self.known, 0);
         }
         DMatrix::from_columns(&columns)
     }
@@ -661,13 +667,11 @@ impl<'a> Data<'a> {
         }
         let Some((x, chi2, sigma)) = best else { return Err(FitError::Open) };
         self.check_told(kind, &x, &sigma)?;
-        let rows = self.exposures.len() + self.known;
-        let unknowns = times + self.unknowns();
-        let freedom = rows.saturating_sub(unknowns);
-        let apart = (self.groups.len() + self.known).saturating_sub(unknowns);
-        let between = chi2 - self.within_by(&sigma);
-        let misfit = between.max(0.0) / apart as f64 / self.scatter;
-        let fits = apart == 0 || misfit <= 1.0 + MISFIT * (2.0 / apart as f64).sqrt();
+        let freedom = (self.seen.len() + self.known).saturating_sub(times + self.unknowns());
+        let chi2_scattered = chi2 / self.scatter;
+        let fits = chi2_scattered <= freedom as f64 + MISFIT * (2.0 * freedom as f64).sqrt()
+            || freedom == 0;
+        let variances: f64 = sigma.iter().map(|sigma| 2.0 * sigma.ln()).sum();
         let found = (0..times)
             .map(|k| {
                 let (low, high) = self.interval(kind, &x, chi2, &sigma, k);
@@ -688,10 +692,9 @@ impl<'a> Data<'a> {
             name: kind.name(),
             law: kind.for_station(&times_s, brightest_hz),
             found,
-            chi2,
+            chi2: chi2_scattered,
             freedom,
-            criterion: chi2 / self.scatter + 2.0 * times as f64,
-            misfit,
+            criterion: chi2_scattered + variances + 2.0 * times as f64,
             fits,
             regions,
             dark_hz,
@@ -702,15 +705,13 @@ impl<'a> Data<'a> {
 
     /// Misfit of a law in each decade of the counted rate; `light` are the unknowns without the law's.
     fn regions(&self, law: &dyn Fn(f64) -> f64, light: &[f64], sigma_hz: &[f64]) -> Vec<Region> {
-        let mean = means(self.exposures, &self.group, self.groups.len());
-        let mut weight = vec![0.0; self.groups.len()];
-        for (group, sigma) in self.group.iter().zip(sigma_hz) {
-            weight[*group] += sigma.powi(-2);
-        }
         let mut decades: BTreeMap<i32, Region> = BTreeMap::new();
         let rates = self.rates_hz(light);
-        for (k, true_hz) in rates.iter().enumerate().filter(|(k, _)| !self.groups[*k].is_empty()) {
-            let (counted, law_hz) = (mean[k], law(*true_hz));
+        for ((seen, true_hz), sigma_hz) in self.seen.iter().zip(rates).zip(sigma_hz) {
+            if seen.lights.is_empty() {
+                continue;
+            }
+            let (counted, law_hz) = (seen.hz(), law(true_hz));
             let decade = counted.max(1e-3).log10().floor() as i32;
             let region = decades.entry(decade).or_insert(Region {
                 counted_hz: (counted, counted),
@@ -721,23 +722,13 @@ impl<'a> Data<'a> {
             let (least, most) = region.counted_hz;
             region.counted_hz = (least.min(counted), most.max(counted));
             region.lights += 1;
-            region.chi2 += (counted - law_hz).powi(2) * weight[k] / self.scatter;
+            region.chi2 += ((counted - law_hz) / sigma_hz).powi(2) / self.scatter;
             let off = counted / law_hz - 1.0;
             if off.abs() > region.worst.abs() {
                 region.worst = off;
             }
         }
         decades.into_values().collect()
-    }
-
-    /// χ² of the repeats about their own means, with given standard deviations.
-    fn within_by(&self, sigma_hz: &[f64]) -> f64 {
-        let mean = means(self.exposures, &self.group, self.groups.len());
-        (self.exposures.iter().zip(&self.group).zip(sigma_hz))
-            .map(|((e, group), sigma)| {
-                ((e.counts as f64 / e.exposure_s - mean[*group]) / sigma).powi(2)
-            })
-            .sum()
     }
 
     /// Levels and transmissions that the counts do not tell at all. The law's own times may be untold: their interval says so.
@@ -802,25 +793,17 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Mean rates of the groups, Hz.
-fn means(exposures: &[Exposure], group: &[usize], groups: usize) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0.0); groups];
-    for (e, group) in exposures.iter().zip(group) {
-        sums[*group].0 += e.counts as f64;
-        sums[*group].1 += e.exposure_s;
+/// Variance of the repeats about their means over that of photons; 1 within its own scatter, which grows where exposures hold few counts. A dead time only makes them scatter less.
+fn scatter(exposures: &[Exposure], sums: &BTreeMap<&[Light], (f64, f64)>) -> f64 {
+    let (mut chi2, mut variance, mut freedom) = (0.0, 0.0, -(sums.len() as f64));
+    for e in exposures {
+        let (counts, time_s) = sums[&e.lights[..]];
+        // A light without a count says nothing.
+        let expected = counts.max(1.0) * e.exposure_s / time_s;
+        chi2 += (e.counts as f64 - counts * e.exposure_s / time_s).powi(2) / expected;
+        variance += 2.0 + 1.0 / expected;
+        freedom += 1.0;
     }
-    sums.into_iter().map(|(counts, time)| counts / time).collect()
-}
-
-/// Variance of the repeats about their means over that of photons; 1 within its own scatter. A dead time only makes them scatter less.
-fn scatter(exposures: &[Exposure], group: &[usize], groups: usize) -> f64 {
-    let mean = means(exposures, group, groups);
-    let mut chi2 = 0.0;
-    for (e, group) in exposures.iter().zip(group) {
-        let expected = (mean[*group] * e.exposure_s).max(1.0);
-        chi2 += (e.counts as f64 - mean[*group] * e.exposure_s).powi(2) / expected;
-    }
-    let freedom = exposures.len().saturating_sub(groups).max(1) as f64;
-    let ratio = chi2 / freedom;
-    if ratio > 1.0 + 3.0 * (2.0 / freedom).sqrt() { ratio } else { 1.0 }
+    let freedom = freedom.max(1.0);
+    if chi2 > freedom + 3.0 * variance.sqrt() { chi2 / freedom } else { 1.0 }
 }
