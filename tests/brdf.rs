@@ -400,3 +400,50 @@ fn what_was_not_measured_is_marked() {
         }
     }
 }
+
+/// A table of `values` at five incidences, in and out of the plane.
+fn simple_table(folder: &Folder, name: &str, values: impl Fn(f64, f64, f64) -> f64) {
+    let mut text = String::from("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr\n");
+    for i in [0.0, 20.0, 40.0, 60.0] {
+        for o in [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0] {
+            for phi in [0.0, 90.0, 180.0] {
+                text += &format!("{i},0,{o},{phi},{}\n", values(i, o, phi));
+            }
+        }
+    }
+    std::fs::write(folder.path(name), text).unwrap();
+}
+
+/// Truth: no number comes out of a table without light, and a person is told so in words; nor does a table have a factor of 1e320 between swapped directions (0.1 there, 1e-320 back) that a person could use.
+#[test]
+fn nothing_says_nan_or_inf() {
+    let folder = Folder::new("lab-no-light");
+    simple_table(&folder, "dark.csv", |_, _, _| 0.0);
+    simple_table(&folder, "faint.csv", |i, o, _| if i > o { 1e-320 } else { 0.1 });
+    let bad = |text: &str| {
+        text.split(|c: char| !c.is_alphabetic()).any(|w| ["NaN", "nan", "inf"].contains(&w))
+    };
+    for name in ["dark.csv", "faint.csv"] {
+        let output = folder.run(&["brdf", "show", name, "--wavelength-nm", "550"]);
+        for text in [output.stdout, output.stderr] {
+            let text = String::from_utf8(text).unwrap();
+            assert!(!bad(&text), "{name}: {text}");
+        }
+    }
+    let show = ["brdf", "show", "dark.csv", "--wavelength-nm", "550"];
+    assert!(folder.done(&show).contains("swapped directions cannot be compared"));
+    let json = folder.json(&[&show[..], &["--json"]].concat());
+    assert!(json["reciprocity"]["median_ln"].is_null(), "{json}");
+    assert!(json["reciprocity"]["why"].as_str().unwrap().contains("no two"), "{json}");
+    folder.done(&["brdf", "page", "dark.csv", "--wavelength-nm", "550", "-o", "dark.html"]);
+    let page = std::fs::read_to_string(folder.path("dark.html")).unwrap();
+    assert!(!page.contains("factor of NaN") && page.contains("reflects nothing"));
+    let few = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr\n30,0,0,180,0.10\n30,0,15,180,0.11\n30,0,30,180,0.13\n30,0,45,180,0.12\n";
+    std::fs::write(folder.path("few.csv"), few).unwrap();
+    let fit = ["brdf", "fit", "few.csv", "--law", "lambert"];
+    let text = folder.done(&fit);
+    assert!(!bad(&text), "{text}");
+    let json = folder.json(&[&fit[..], &["--json"]].concat());
+    let why = json["no_criterion"].as_str();
+    assert_eq!(why.is_some(), json["laws"][0]["aicc"].is_null(), "{json}");
+}

@@ -51,15 +51,19 @@ pub fn text(fit: &Fit, toml: &str) -> String {
     for law in &fit.laws {
         let (deg, most) = largest(law);
         let held = if law.energy_held { ", held by energy" } else { "" };
+        let known = |v: f64, text: String| if v.is_finite() { text } else { "-".to_owned() };
         let _ = writeln!(
             text,
-            "{:<28} {:>8.4} {:>10.1} {:>10.1} {:>7.3}  {most:.4} at {deg}°{held}",
+            "{:<28} {:>8.4} {:>10} {:>10.1} {:>7}  {most:.4} at {deg}°{held}",
             law.law.name(),
             law.rms,
-            law.aicc,
+            known(law.aicc, format!("{:.1}", law.aicc)),
             law.bic,
-            law.weight
+            known(law.weight, format!("{:.3}", law.weight))
         );
+    }
+    if let Some(why) = no_criterion(fit) {
+        let _ = writeln!(text, "- {why}");
     }
     if let Some(best) = fit.laws.first() {
         let _ = writeln!(text, "\n{}", best.law.name());
@@ -74,6 +78,21 @@ pub fn text(fit: &Fit, toml: &str) -> String {
     }
     let _ = write!(text, "\n{toml}");
     text
+}
+
+/// Says why laws have no AICc, and perhaps none a weight.
+fn no_criterion(fit: &Fit) -> Option<String> {
+    let without = fit.laws.iter().filter(|law| !law.aicc.is_finite()).count();
+    let order =
+        if without == fit.laws.len() { ", and none has a weight: BIC orders them" } else { "" };
+    (without > 0).then(|| {
+        format!(
+            "AICc is not defined for {without} of {}: {} values count as {:.1} that are independent, which must be two more than a law has parameters and its width{order}",
+            fit.laws.len(),
+            fit.used.len(),
+            fit.independent
+        )
+    })
 }
 
 fn largest(law: &LawFit) -> (f64, f64) {
@@ -107,6 +126,7 @@ fn summary(fit: &Fit, warnings: &[String], inputs: &Value) -> Value {
         "left_out": fit.left_out,
         "flaws": fit.flaws,
         "laws": fit.laws.iter().map(law).collect::<Vec<_>>(),
+        "no_criterion": no_criterion(fit),
         "warnings": warnings,
         "inputs": inputs,
     })

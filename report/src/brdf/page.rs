@@ -118,12 +118,15 @@ pub fn page(material: &Material, look: &Look, bodies: &Bodies, nm: f64, phi_i_de
     Page {
         title: material.name.clone(),
         subtitle: format!("at {nm} nm"),
-        verdict: format!(
-            "{}. With light and observer exchanged it differs by a factor of {:.4} in the median, {:.4} at most.",
-            material.describe(),
-            typical.exp(),
-            most.exp()
-        ),
+        verdict: match typical.is_finite() && most.is_finite() {
+            true => format!(
+                "{}. With light and observer exchanged it differs by a factor of {:.4} in the median, {:.4} at most.",
+                material.describe(),
+                typical.exp(),
+                most.exp()
+            ),
+            false => format!("{}. It reflects nothing here.", material.describe()),
+        },
         figures,
         curves_title: "What it does with light".into(),
         others,

@@ -48,9 +48,10 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
             json!({ "theta_i_deg": t, "albedo": rounded(*e), "extrapolated": extrapolated })
         })
         .collect();
+    let why = (!typical.is_finite()).then_some(NO_RECIPROCITY);
     let summary = json!({
         "name": material.name, "description": material.describe(), "wavelength_nm": nm, "albedo": albedo_json,
-        "reciprocity": { "median_ln": rounded(typical), "largest_ln": rounded(most) }, "warnings": look.warnings,
+        "reciprocity": { "median_ln": rounded(typical), "largest_ln": rounded(most), "why": why }, "warnings": look.warnings,
     });
     let all = || slices.iter().flat_map(|(t, points)| points.iter().map(move |p| (*t, *p)));
     let mut columns = vec![
@@ -88,6 +89,10 @@ pub(super) fn is_extrapolated(material: &Material, theta_i_deg: f64, phi_i_deg: 
     !material.covers(i, o)
 }
 
+/// Said in the place of how swapped directions differ.
+pub(super) const NO_RECIPROCITY: &str =
+    "swapped directions cannot be compared: no two of them reflect both ways";
+
 /// Returns the properties of a material as text.
 pub fn text(material: &Material, look: &Look, phi_i_deg: f64) -> String {
     let Look { albedo, reciprocity: (typical, most), .. } = look;
@@ -99,12 +104,15 @@ pub fn text(material: &Material, look: &Look, phi_i_deg: f64) -> String {
         };
         let _ = writeln!(text, "{theta:4}° reflects {e:.5}{guess}");
     }
-    let _ = writeln!(
-        text,
-        "swapped directions differ by a factor of {:.4} (median), {:.4} at most",
-        typical.exp(),
-        most.exp()
-    );
+    let _ = match typical.is_finite() && most.is_finite() {
+        true => writeln!(
+            text,
+            "swapped directions differ by a factor of {:.4} (median), {:.4} at most",
+            typical.exp(),
+            most.exp()
+        ),
+        false => writeln!(text, "{NO_RECIPROCITY}"),
+    };
     text
 }
 

@@ -491,13 +491,24 @@ impl Table {
             }
         }
         let typical = if count > 0.0 { (square / count).sqrt() } else { 0.0 };
-        format!(
-            "made reciprocal, its values change by {:.1} % (rms), at most by a factor of {:.2}",
-            100.0 * typical.exp_m1(),
-            most.exp()
-        )
+        // Beside values of next to nothing a factor says no more than that.
+        let most = match most.exp() {
+            factor if factor < MOST_FACTOR => format!("at most by a factor of {factor:.2}"),
+            _ => format!(
+                "and where a value is next to nothing beside that of the swapped direction by a factor of more than {MOST_FACTOR:.0e}: leave such values out, or write 0"
+            ),
+        };
+        match 100.0 * typical.exp_m1() {
+            percent if percent < MOST_FACTOR => {
+                format!("made reciprocal, its values change by {percent:.1} % (rms), {most}")
+            }
+            _ => format!("made reciprocal, its values change by orders of magnitude, {most}"),
+        }
     }
 }
+
+/// A factor beyond which only that is said.
+const MOST_FACTOR: f64 = 1e6;
 
 /// Mean of ln f and of f over a stencil; where a value is 0 the logarithm is that of the mean.
 fn mean(
