@@ -447,3 +447,58 @@ fn nothing_says_nan_or_inf() {
     let why = json["no_criterion"].as_str();
     assert_eq!(why.is_some(), json["laws"][0]["aicc"].is_null(), "{json}");
 }
+
+/// Truth: a Lambert law has no peak, the table's is 20 times as bright: no material is written, which the exit code says; all else is. With `--accept` it is. Without a folder nothing was to be written.
+#[test]
+fn a_material_that_is_not_written_is_a_failure() {
+    let folder = Folder::new("lab-not-written");
+    simple_table(&folder, "gloss.csv", |i, o, phi| {
+        let off = if phi == 180.0 { i - o } else { i + o };
+        0.05 + (-(off / 8.0_f64).powi(2)).exp()
+    });
+    let fit = ["brdf", "fit", "gloss.csv", "--law", "lambert"];
+    let output = folder.run(&[&fit[..], &["-o", "a/"]].concat());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("no material.toml is written") && said.contains("--accept"), "{said}");
+    assert!(folder.path("a/fit.ecsv").exists() && !folder.path("a/material.toml").exists());
+    folder.done(&[&fit[..], &["-o", "b/", "--accept"]].concat());
+    assert!(folder.path("b/material.toml").exists());
+    folder.done(&fit);
+}
+
+/// Truth: by hand: columns of uncertainties that have another name than the documented one, and σ of some values alone, are said; the documented ones are used, which the fitted value shows: two values of 0.1 with σ of 0.001 and two of 0.2 with σ of 0.1 are a Lambert
+/// surface of more than their common mean (0.141 π) with equal weights, and less with σ.
+#[test]
+fn uncertainties_are_used_or_said_not_to_be() {
+    let folder = Folder::new("lab-sigma");
+    let table = |name: &str, column: &str, sigma: [&str; 2]| {
+        let mut text =
+            format!("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr{column}\n");
+        for (k, o) in [5, 20, 35, 50, 60, 70].into_iter().enumerate() {
+            let (value, sigma) = if k % 2 == 0 { (0.1, sigma[0]) } else { (0.2, sigma[1]) };
+            text += &format!("30,0,{o},90,{value}{sigma}\n");
+        }
+        std::fs::write(folder.path(name), text).unwrap();
+    };
+    table("plain.csv", "", ["", ""]);
+    table("known.csv", ",sigma_550nm_per_sr", [",0.001", ",0.1"]);
+    table("some.csv", ",sigma_550nm_per_sr", [",0.001", ",0"]);
+    table("other.csv", ",unc_550", [",0.001", ",0.1"]);
+    let fit = |name: &str| {
+        let arguments = ["brdf", "fit", name, "--law", "lambert", "--gaussian", "--json"];
+        let output = folder.run(&arguments);
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let value = json["laws"][0]["parameters"][0]["value"].as_f64().unwrap();
+        (value, String::from_utf8(output.stderr).unwrap())
+    };
+    let (plain, said) = fit("plain.csv");
+    assert!((plain / (0.02_f64.sqrt() * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{plain}");
+    assert!(!said.contains("σ") && !said.contains("sigma"), "{said}");
+    let (known, said) = fit("known.csv");
+    assert!(known < 0.9 * plain && !said.contains("sigma"), "{known} {plain} {said}");
+    let (some, said) = fit("some.csv");
+    assert!(some == plain && said.contains("σ is missing or 0 for 3 of 6 values"), "{said}");
+    let (other, said) = fit("other.csv");
+    assert!(other == plain && said.contains("unc_550 is not read"), "{said}");
+}

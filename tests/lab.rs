@@ -509,7 +509,12 @@ fn an_efficiency_from_files() {
     std::fs::write(folder.path("thick.toml"), thick).unwrap();
     let output = folder.run(&["efficiency", "thick.toml", "-o", "thick/"]);
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("more counts than photons"), "{said}");
+    assert!(output.status.code() == Some(1) && said.contains("more counts than photons"), "{said}");
+    assert!(
+        said.contains("none of 60 wavelengths has one") && said.contains("above_one"),
+        "{said}"
+    );
+    assert!(folder.path("thick/efficiency.ecsv").exists(), "{said}");
     assert!(said.contains("60 of 60 wavelengths are not in the curve"), "{said}");
     let said = folder.refused(1, &["efficiency", "thick.toml", "-o", "thick/"]);
     assert!(said.contains("without --force"), "{said}");

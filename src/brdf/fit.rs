@@ -2,14 +2,14 @@
 
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use sunglint_materials::fit::surface::colour::{Coloured, SpectrumGeometry, divide};
 use sunglint_materials::fit::surface::{Cone, SurfaceFit, SurfaceOptions, fit_surface};
 use sunglint_materials::fit::{FitError, FitOptions, Law, LobeKind, Rise, fit, to_toml};
 use sunglint_materials::ingest::once;
-use sunglint_materials::samples::Samples;
+use sunglint_materials::samples::{Sample, Samples};
 use sunglint_materials::{exchange, read};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_report::brdf::fit::{product, text};
@@ -149,7 +149,7 @@ fn colour(args: &FitArgs, found: &SurfaceFit) -> anyhow::Result<Option<Coloured>
 const CONE_DEG: f64 = 0.24;
 /// A lobe narrower than this many times that depends on it.
 const NARROW: f64 = 6.0;
-const NOT_WRITTEN: &str = "material.toml is not written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept";
+const NOT_WRITTEN: &str = "no material.toml is written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept";
 
 /// Several parts together.
 fn surface(
@@ -202,13 +202,38 @@ fn surface(
         None => found.to_toml(&args.name),
     };
     let is_written = found.is_faithful() || args.accept;
-    if !is_written {
-        console.warn(NOT_WRITTEN);
-    }
     let folders = args.out.folders().output;
     let files = folders.iter().filter(|_| is_written);
     let files = files.map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
-    args.out.finish_with(&product, files.collect(), &text_of_surface(&found, &toml), console)
+    args.out.finish_with(&product, files.collect(), &text_of_surface(&found, &toml), console)?;
+    written(is_written, folders.is_empty(), console)
+}
+
+/// Fails where the material was wanted and not written, after all else that was found is; says it where it was not wanted.
+fn written(is_written: bool, is_shown_only: bool, console: Console) -> anyhow::Result<()> {
+    match (is_written, is_shown_only) {
+        (true, _) => Ok(()),
+        (false, true) => {
+            console.warn(NOT_WRITTEN);
+            Ok(())
+        }
+        (false, false) => bail!(NOT_WRITTEN),
+    }
+}
+
+/// Says where the table has σ of some values and not of others, which no fit weighs against one another.
+fn without_sigma(measured: &Samples, wavelength_nm: Option<f64>) -> Option<String> {
+    let is_it = |nm: &f64| wavelength_nm.is_none_or(|asked| (asked - nm).abs() < 1e-6);
+    let column = measured.wavelength_nm.iter().position(is_it)?;
+    let bright = || measured.rows.iter().filter(|row| row.brdf_per_sr[column] > 0.0);
+    let known = |row: &&Sample| row.sigma_per_sr.get(column).is_some_and(|sigma| *sigma > 0.0);
+    let (known, all) = (bright().filter(known).count(), bright().count());
+    (known > 0 && known < all).then(|| {
+        format!(
+            "σ is missing or 0 for {} of {all} values: it is used for none, and all count alike. Give it for all, or leave the column out",
+            all - known
+        )
+    })
 }
 
 pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
@@ -226,6 +251,9 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     let (measured, repeated) = once(measured);
     for warning in repeated.into_iter().chain(exchange::warnings(&measured)) {
         console.warn(&warning);
+    }
+    if let Some(without) = without_sigma(&measured, args.wavelength_nm) {
+        console.warn(&without);
     }
     if args.law.is_empty() && args.refractive_index.is_none() && !args.gaussian {
         match surface(args, &measured, &inputs, console) {
@@ -269,11 +297,9 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     for flaw in &found.flaws {
         console.warn(&flaw.to_string());
     }
-    if !is_written {
-        console.warn(NOT_WRITTEN);
-    }
     let folders = args.out.folders().output;
     let files = folders.iter().filter(|_| is_written);
     let files = files.map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
-    args.out.finish_with(&product, files.collect(), &text(&found, &toml), console)
+    args.out.finish_with(&product, files.collect(), &text(&found, &toml), console)?;
+    written(is_written, folders.is_empty(), console)
 }

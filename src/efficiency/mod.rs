@@ -5,6 +5,7 @@ mod open;
 mod run;
 
 use crate::output::{Console, OutputArgs};
+use anyhow::bail;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use sunglint_calibration::efficiency::{EfficiencyRun, reduce_run};
@@ -85,5 +86,25 @@ fn finish(
     let curves: Vec<(PathBuf, Vec<u8>)> = (out.folders().output.iter())
         .map(|folder| (folder.join("efficiency.csv"), found.curve.clone().into_bytes()))
         .collect();
-    out.finish_with(&product, curves, text, console)
+    out.finish_with(&product, curves, text, console)?;
+    let all = found.efficiency.rows.len();
+    if found.left_out_nm.len() == all {
+        bail!(
+            "no efficiency: none of {} has one from 0 to 1, and the curve for a station is empty; the flags of the table say why ({})",
+            counted(all, "wavelength"),
+            flags_of(found)
+        );
+    }
+    Ok(())
+}
+
+/// The flags of all wavelengths together.
+fn flags_of(found: &EfficiencyRun) -> String {
+    let all = found.efficiency.rows.iter().flat_map(|row| row.flags.iter_names());
+    let names: std::collections::BTreeSet<String> =
+        all.map(|(name, _)| name.to_lowercase()).collect();
+    match names.is_empty() {
+        true => "none".to_owned(),
+        false => names.into_iter().collect::<Vec<_>>().join(", "),
+    }
 }
