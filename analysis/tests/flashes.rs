@@ -204,7 +204,7 @@ fn judged(found: &Outcome, made: &Made) -> Judged {
 /// the comb's period and five multiples, and no more than one in twenty lacks the truth.
 #[test]
 fn campaign_flash_trains() {
-    let mut campaign = Campaign::start("flash_trains", 60);
+    let mut campaign = Campaign::with_part("flash_trains", 200, 3);
     let mut counts = [0_usize; 5];
     let (mut by_harmonics, mut single_kept, mut small, mut decided) = (0, 0, 0, 0);
     for seed in campaign.seeds() {

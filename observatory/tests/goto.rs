@@ -464,7 +464,7 @@ struct Start {
     took_s: f64,
     /// Distance of the tube from the star in the end, arcsec.
     off_arcsec: f64,
-    /// By how much the camera's turn was found wrong, deg.
+    /// Error of the camera's turn that was found, deg.
     turn_deg: f64,
     /// Distance of the tube from another star that the mount goes to afterwards by itself, arcsec.
     next_arcsec: f64,

@@ -284,7 +284,7 @@ pub enum Note {
     PassesDiffer {
         /// Number of the pass, from 1: that which is farthest off.
         pass: usize,
-        /// Its readings over those of the first pass.
+        /// Readings of this pass over those of the first.
         ratio: f64,
         /// Standard deviation of the ratio, by the scatter.
         sigma: f64,

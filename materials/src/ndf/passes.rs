@@ -13,7 +13,7 @@ const SIGMAS: f64 = 5.0;
 const PART: f64 = 0.01;
 /// Where standard deviations are not known readings count above this part of the peak.
 const BRIGHT: f64 = 0.01;
-/// What is beyond all doubt.
+/// Standard errors beyond all doubt.
 const MOST_SIGMAS: f64 = 1000.0;
 
 /// Returns a note where the readings are of several passes and one of them is brighter or dimmer than the first: the one that is farthest off.

@@ -142,7 +142,7 @@ pub enum GotoError {
         "the star was seen (flux {flux:.0}), and is not in the frame after a short move: clouds, or a light that is not in the sky"
     )]
     Vanished {
-        /// Its flux, in the frames' unit.
+        /// Flux of the star, in the frames' unit.
         flux: f64,
     },
     /// The light does not move as the mount does.
