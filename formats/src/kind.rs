@@ -189,9 +189,11 @@ pub(crate) fn of_bytes(bytes: &[u8]) -> Option<Kind> {
     if binary.iter().any(|tag| begins(tag)) {
         return Some(Kind::Binary);
     }
-    // UTF-16 has zeros, too, and a mark before them.
+    // UTF-16 has zeros, too, and a mark before them. A text with a zero or two is damaged, and its reader says where.
     let is_utf16 = begins(&[0xff, 0xfe]) || begins(&[0xfe, 0xff]);
-    (!is_utf16 && bytes.iter().take(4096).any(|b| *b == 0)).then_some(Kind::Binary)
+    let head = &bytes[..bytes.len().min(4096)];
+    let zeros = head.iter().filter(|b| **b == 0).count();
+    (!is_utf16 && zeros > 0 && 32 * zeros >= head.len()).then_some(Kind::Binary)
 }
 
 /// Whether a FITS file holds a table: the word of its extension stands at the begin of a block of 2880 bytes.
