@@ -526,7 +526,7 @@ fn start(seed: u64, least_flux: Option<f64>, knows_turn: bool) -> Result<Start, 
     let mut search = SearchOptions::new(SCALE_ARCSEC);
     search.least_flux = least_flux;
     // Within two degrees.
-    search.camera_angle_deg = knows_turn.then(|| camera_deg + 4.0 * (dice_turn - 0.5));
+    search.camera_angle_deg = knows_turn.then_some(camera_deg + 4.0 * (dice_turn - 0.5));
     let mut goto = Goto {
         site: &site(),
         guard: &guard,
