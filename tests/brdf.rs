@@ -477,6 +477,8 @@ fn uncertainties_are_used_or_said_not_to_be() {
             format!("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr{column}\n");
         for (k, o) in [5, 20, 35, 50, 60, 70].into_iter().enumerate() {
             let (value, sigma) = if k % 2 == 0 { (0.1, sigma[0]) } else { (0.2, sigma[1]) };
+            // Equal largest values would be a saturated detector.
+            let value = value * (1.0 + 1e-4 * k as f64);
             text += &format!("30,0,{o},90,{value}{sigma}\n");
         }
         std::fs::write(folder.path(name), text).unwrap();
