@@ -6,20 +6,23 @@ use crate::station::StationArgs;
 use crate::track;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
+use glam::DVec2;
 use hifitime::Epoch;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 use sunglint_calibration::field_stars::solver::{Hint, Solver};
-use sunglint_calibration::photometry::field::FieldOptions;
+use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, Mount, MountMotion, MountSite};
+use sunglint_formats::Frame;
+use sunglint_formats::text::counted;
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
-    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Looks, PointingModel, SunCone,
-    TargetPath, TrackError, direction,
+    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Light, Lights, Looks,
+    PointingModel, SearchOptions, SunCone, TargetPath, TrackError, TrackStep, direction,
 };
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
@@ -49,23 +52,32 @@ pub struct GotoArgs {
     /// Take frames, find where they look by their stars, and go on until the target is in their middle
     #[arg(long, requires = "camera")]
     pub solve: bool,
-    /// The camera for that: `indi-camera:HOST:PORT/NAME`, `alpaca-camera:HOST:PORT/0`
-    #[arg(long, value_name = "ADDRESS", requires = "solve")]
+    /// Look for the star in fields about where it should be, at most so far from there, degrees, and bring it into the middle: for a camera whose field is too narrow to be found by its stars
+    #[arg(long, value_name = "DEG", requires = "camera", conflicts_with_all = ["solve", "altaz"])]
+    pub search: Option<f64>,
+    /// Light from which on the star is found, ADU, as `detect` measures it [default: all fields are looked at, and the brightest light of all is the star]
+    #[arg(long, value_name = "ADU", requires = "search")]
+    pub least_flux: Option<f64>,
+    /// Turn of the camera, degrees, within 2°, as an earlier `goto` said it: half as many fields do then
+    #[arg(long, value_name = "DEG", requires = "search", allow_negative_numbers = true)]
+    pub camera_angle: Option<f64>,
+    /// The camera of `--solve` and `--search`: `indi-camera:HOST:PORT/NAME`, `alpaca-camera:HOST:PORT/0`
+    #[arg(long, value_name = "ADDRESS")]
     pub camera: Option<String>,
     /// Exposure of its frames, s
-    #[arg(long, value_name = "S", default_value_t = 2.0, requires = "solve")]
+    #[arg(long, value_name = "S", default_value_t = 2.0, requires = "camera")]
     pub exposure_s: f64,
     /// Width of the frames on the sky, degrees, within 15 % [default: by the station's pixel scale]
-    #[arg(long, value_name = "DEG", requires = "solve")]
+    #[arg(long, value_name = "DEG", requires = "camera")]
     pub width_deg: Option<f64>,
     /// A list of stars for fields narrower than 15° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
     #[arg(long, value_name = "FILE", requires = "solve")]
     pub catalogue: Option<PathBuf>,
     /// Distance from the frame's middle at which it is good, arcsec
-    #[arg(long, value_name = "ARCSEC", default_value_t = 30.0, requires = "solve")]
+    #[arg(long, value_name = "ARCSEC", default_value_t = 30.0, requires = "camera")]
     pub within: f64,
     /// Tell the mount where it is in the end
-    #[arg(long, requires = "solve")]
+    #[arg(long, requires = "camera")]
     pub sync: bool,
     /// How the mount shows directions: a file of `sunglint pointing`
     #[arg(long, value_name = "FILE")]
@@ -110,6 +122,14 @@ impl GotoArgs {
         within("within", self.within, 1.0, 36_000.0)?;
         within("min-elevation", self.min_elevation, 0.0, 89.0)?;
         within("sun-limit", self.sun_limit, 10.0, 90.0)?;
+        within("search", self.search.unwrap_or(0.5), 0.001, 5.0)?;
+        within("least-flux", self.least_flux.unwrap_or(1.0), 1e-3, 1e12)?;
+        within("camera-angle", self.camera_angle.unwrap_or(0.0), -360.0, 360.0)?;
+        within("width-deg", self.width_deg.unwrap_or(1.0), 1e-3, 180.0)?;
+        if self.camera.is_some() && !self.solve && self.search.is_none() {
+            let text = "--camera: its frames are taken with --solve or --search DEG";
+            return Err(Usage(text.into()).into());
+        }
         self.known.known()?;
         Ok(())
     }
@@ -226,9 +246,22 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     let (target, name) = args.target()?;
     let model = args.pointing.as_deref().map(PointingModel::read).transpose()?;
     let mut eye = match &args.camera {
-        Some(address) => Some(Eye::open(address, &args.eye(), &station)?),
-        None => None,
+        Some(address) if args.solve => Some(Eye::open(address, &args.eye(), &station)?),
+        _ => None,
     };
+    let mut sight = match (&args.camera, args.search) {
+        (Some(address), Some(radius_deg)) => {
+            Some((Sight::open(address, args.exposure_s, &station)?, radius_deg))
+        }
+        _ => None,
+    };
+    if sight
+        .as_ref()
+        .is_some_and(|(sight, _)| sight.scale_arcsec.is_none() && args.width_deg.is_none())
+    {
+        let text = "--search: how much the camera sees is not known: --width-deg, or pixel_scale_arcsec of the station's [camera]";
+        return Err(Usage(text.into()).into());
+    }
     let Ready { mut mount, guard, cancel, mut dog, mut options } =
         args.reach().open(&station, console)?;
     options.tolerance_arcsec = args.within;
@@ -249,14 +282,37 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
     let look = look.as_mut().map(|look| look as &mut sunglint_observatory::telescope::Look<'_>);
     let mut shown = 0_u32;
     let mut watched = true;
-    let went = going.to(&target, look, &cancel, &mut |step| {
+    let mut each = |step: &TrackStep| {
         watched = dog.beat().is_continue();
         if shown.is_multiple_of(10) {
             console.say(&step_text(step));
         }
         shown += 1;
         if watched { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    });
+    };
+    let went = match &mut sight {
+        Some((sight, radius_deg)) => {
+            // Places and scale in arcsec: the frames' own pixels are known once there is one.
+            let mut search = SearchOptions::new(1.0);
+            search.radius_deg = *radius_deg;
+            search.least_flux = args.least_flux;
+            search.camera_angle_deg = args.camera_angle;
+            let mut pixel_arcsec = f64::NAN;
+            let mut glance = |cancel: &Cancel| {
+                let (lights, scale) = sight.glance(args.width_deg, cancel, &beat, console)?;
+                pixel_arcsec = scale;
+                Ok(lights)
+            };
+            let went = going.search(&target, &mut glance, &search, &cancel, &mut each);
+            went.map(|mut gone| {
+                if let Some(camera) = &mut gone.camera {
+                    camera.pixel_scale_arcsec *= pixel_arcsec;
+                }
+                gone
+            })
+        }
+        None => going.to(&target, look, &cancel, &mut each),
+    };
     let went = went.map_err(|error| match error {
         GotoError::Track(error) => GotoError::Track(dog.explain(error)),
         error => error,
@@ -367,20 +423,36 @@ pub(crate) struct EyeOptions<'a> {
     pub catalogue: Option<&'a std::path::Path>,
 }
 
-/// A camera whose frames say where they look.
-pub(crate) struct Eye {
+/// Does something that may take long, with a sign of life now and then.
+fn awaited<T: Send>(
+    beat: &dyn Fn(),
+    work: impl FnOnce() -> Result<T, String> + Send,
+) -> Result<T, String> {
+    std::thread::scope(|scope| {
+        let working = scope.spawn(work);
+        while !working.is_finished() {
+            beat();
+            std::thread::sleep(BEAT);
+        }
+        working.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
+    })
+}
+
+/// The middle of a frame's exposure.
+fn middle_of(frame: &Frame) -> Epoch {
+    frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s)
+}
+
+/// A camera that is open.
+struct Sight {
     camera: Box<dyn Camera>,
-    solver: Solver,
     exposure_s: f64,
+    /// Angle that a pixel of the sensor sees, where the station says it.
     scale_arcsec: Option<f64>,
 }
 
-impl Eye {
-    pub fn open(
-        address: &str,
-        options: &EyeOptions<'_>,
-        station: &Station,
-    ) -> anyhow::Result<Self> {
+impl Sight {
+    fn open(address: &str, exposure_s: f64, station: &Station) -> anyhow::Result<Self> {
         let mut address =
             Address::parse(address, &[]).map_err(|error| anyhow!("--camera: {error}"))?;
         let deadline = Deadline::within(track::OPEN);
@@ -389,9 +461,82 @@ impl Eye {
             AnyDevice::Camera(camera) => camera,
             other => bail!("--camera: this is a {}, no camera", other.kind()),
         };
-        let solver = Solver::new(options.catalogue, None, options.width_deg)?;
         let scale_arcsec = station.camera.as_ref().map(|camera| camera.pixel_scale_arcsec);
-        Ok(Self { camera, solver, exposure_s: options.exposure_s, scale_arcsec })
+        Ok(Self { camera, exposure_s, scale_arcsec })
+    }
+
+    /// Takes a frame; what is known of its pixels.
+    fn expose(&mut self, cancel: &Cancel) -> Result<(Frame, FieldOptions), String> {
+        let most = Duration::from_secs_f64(self.exposure_s + 60.0);
+        let deadline = Deadline::within(most).with_cancel(cancel);
+        let frame =
+            self.camera.expose(self.exposure_s, &deadline).map_err(|error| error.to_string())?;
+        let mut options = FieldOptions::default();
+        options.saturation_adu = frame.saturation_adu;
+        options.gain_e_per_adu = frame.gain_e_per_adu;
+        options.bayer = frame.bayer;
+        Ok((frame, options))
+    }
+
+    /// Takes a frame and lists its lights, in arcsec from the middle by the station's scale or the frame's width; and what a pixel of the sensor sees, arcsec.
+    fn glance(
+        &mut self,
+        width_deg: Option<f64>,
+        cancel: &Cancel,
+        beat: &dyn Fn(),
+        console: Console,
+    ) -> Result<(Lights, f64), String> {
+        let found = awaited(beat, || {
+            let (frame, options) = self.expose(cancel)?;
+            let pixels = frame.pixels.mapv(f32::from);
+            let field = find(pixels.view(), &options).map_err(|error| error.to_string())?;
+            Ok((middle_of(&frame), field, f64::from(frame.binning[0])))
+        });
+        let (middle, field, binning) = found?;
+        let [columns, rows] = field.size_px.map(|n| n as f64);
+        let scale = match (width_deg, self.scale_arcsec) {
+            (Some(width), _) => 3600.0 * width / columns,
+            (None, Some(scale)) => scale * binning,
+            (None, None) => return Err("how much the camera sees is not known".into()),
+        };
+        let from_middle = |place: DVec2| {
+            scale * DVec2::new(place.x - 0.5 * (columns - 1.0), 0.5 * (rows - 1.0) - place.y)
+        };
+        let lights: Vec<Light> = field
+            .points
+            .iter()
+            .map(|p| Light { place_px: from_middle(p.place_px), flux: p.flux_adu })
+            .filter(|light| light.flux > 0.0)
+            .collect();
+        console.say(&match field.points.first() {
+            Some(first) => format!(
+                "{}, the brightest of {:.0} ADU{}",
+                counted(lights.len(), "light"),
+                first.flux_adu,
+                if first.is_saturated { ", saturated" } else { "" }
+            ),
+            None => "no light".to_owned(),
+        });
+        let size_px = scale * DVec2::new(columns, rows);
+        Ok((Lights { middle, size_px, lights }, scale / binning))
+    }
+}
+
+/// A camera whose frames say where they look.
+pub(crate) struct Eye {
+    sight: Sight,
+    solver: Solver,
+}
+
+impl Eye {
+    pub fn open(
+        address: &str,
+        options: &EyeOptions<'_>,
+        station: &Station,
+    ) -> anyhow::Result<Self> {
+        let sight = Sight::open(address, options.exposure_s, station)?;
+        let solver = Solver::new(options.catalogue, None, options.width_deg)?;
+        Ok(Self { sight, solver })
     }
 
     /// Takes a frame and finds it, with a sign of life now and then: finding a frame takes seconds.
@@ -401,14 +546,7 @@ impl Eye {
         beat: &dyn Fn(),
         console: Console,
     ) -> Result<Looks, String> {
-        let found = std::thread::scope(|scope| {
-            let looking = scope.spawn(|| self.looked(cancel));
-            while !looking.is_finished() {
-                beat();
-                std::thread::sleep(BEAT);
-            }
-            looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
-        });
+        let found = awaited(beat, || self.looked(cancel));
         if let Ok(looks) = &found {
             let [ra, dec] = looks.sky_deg.to_array();
             console.say(&format!("the frame looks at RA {ra:.4}°, Dec {dec:+.4}°"));
@@ -417,17 +555,10 @@ impl Eye {
     }
 
     fn looked(&mut self, cancel: &Cancel) -> Result<Looks, String> {
-        let most = Duration::from_secs_f64(self.exposure_s + 60.0);
-        let deadline = Deadline::within(most).with_cancel(cancel);
-        let frame =
-            self.camera.expose(self.exposure_s, &deadline).map_err(|error| error.to_string())?;
-        let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
+        let (frame, options) = self.sight.expose(cancel)?;
+        let (middle, binning) = (middle_of(&frame), f64::from(frame.binning[0]));
         let pixels = frame.pixels.mapv(f32::from);
-        let mut options = FieldOptions::default();
-        options.saturation_adu = frame.saturation_adu;
-        options.gain_e_per_adu = frame.gain_e_per_adu;
-        options.bayer = frame.bayer;
-        let scale_arcsec = self.scale_arcsec.map(|scale| scale * f64::from(frame.binning[0]));
+        let scale_arcsec = self.sight.scale_arcsec.map(|scale| scale * binning);
         let hint = Hint { middle, scale_arcsec };
         let looked = self.solver.solve(pixels.view(), &hint, &options);
         let looked = looked.map_err(|error| error.to_string())?;
@@ -442,7 +573,7 @@ impl Eye {
             sky_deg: solved.centre_deg,
             up_deg: solved.up_deg,
             is_mirrored: solved.is_mirrored,
-            scale_arcsec: solved.scale_arcsec / f64::from(frame.binning[0]),
+            scale_arcsec: solved.scale_arcsec / binning,
         })
     }
 }

@@ -58,6 +58,14 @@ fn what_cannot_be_is_refused() {
     assert!(down.contains("nothing to follow") && down.contains("decayed"), "{down}");
     let planet = folder.refused(1, &["goto", "jupiter", "--mount", "virtual", "--station", "ufo"]);
     assert!(planet.contains("solar system") && planet.contains("right ascension"), "{planet}");
+    // A search needs a camera that is said to see something, and a camera something to do.
+    let vega = ["goto", "vega", "--mount", "virtual", "--station", "gauss6"];
+    let goto = |more: &[&str]| folder.refused(2, &[&vega[..], more].concat());
+    let camera = ["--camera", "alpaca-camera:127.0.0.1:1/0"];
+    assert!(goto(&["--search", "0.5"]).contains("--camera"));
+    assert!(goto(&camera).contains("--solve or --search"));
+    let far = goto(&[&camera[..], &["--search", "9"]].concat());
+    assert!(far.contains("search is 9") && far.contains("0.001 to 5"), "{far}");
     let plan = folder.json(&[&track[..], &["--mount", "virtual", "--dry-run", "--json"]].concat());
     assert!(plan["went"].is_null() && plan["plan"]["refused"].is_null());
 }
