@@ -21,7 +21,7 @@ use sunglint_formats::text::counted;
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
-    Certainty, Goto, GotoError, GotoOptions, GotoTarget, Guard, Light, Lights, Looks,
+    Certainty, Gone, Goto, GotoError, GotoOptions, GotoTarget, Guard, Light, Lights, Looks,
     PointingModel, SearchOptions, SunCone, TargetPath, TrackError, TrackStep, direction,
 };
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
@@ -31,6 +31,8 @@ use sunglint_report::track::step_text;
 
 /// Time between two signs of life to the watchdog.
 const BEAT: Duration = Duration::from_millis(100);
+/// Corrections after a search at most.
+const SEARCH_ROUNDS: usize = 8;
 /// Longest exposure, s.
 pub(crate) const LONGEST_S: f64 = 120.0;
 
@@ -58,7 +60,7 @@ pub struct GotoArgs {
     /// Light from which on the star is found, ADU, as `detect` measures it [default: all fields are looked at, and the brightest light of all is the star]
     #[arg(long, value_name = "ADU", requires = "search")]
     pub least_flux: Option<f64>,
-    /// Turn of the camera, degrees, within 2°, as an earlier `goto` said it: half as many fields do then
+    /// Turn of the camera, degrees, where it is known within 2° (`camera_angle_deg` of `goto --solve`): half as many fields do then
     #[arg(long, value_name = "DEG", requires = "search", allow_negative_numbers = true)]
     pub camera_angle: Option<f64>,
     /// The camera of `--solve` and `--search`: `indi-camera:HOST:PORT/NAME`, `alpaca-camera:HOST:PORT/0`
@@ -126,6 +128,10 @@ impl GotoArgs {
         within("least-flux", self.least_flux.unwrap_or(1.0), 1e-3, 1e12)?;
         within("camera-angle", self.camera_angle.unwrap_or(0.0), -360.0, 360.0)?;
         within("width-deg", self.width_deg.unwrap_or(1.0), 1e-3, 180.0)?;
+        if self.sync && self.search.is_some() && self.least_flux.is_none() {
+            let text = "--sync after a search needs --least-flux: else the mount is told that it points at the star, whichever light was the brightest";
+            return Err(Usage(text.into()).into());
+        }
         if self.camera.is_some() && !self.solve && self.search.is_none() {
             let text = "--camera: its frames are taken with --solve or --search DEG";
             return Err(Usage(text.into()).into());
@@ -266,6 +272,10 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         args.reach().open(&station, console)?;
     options.tolerance_arcsec = args.within;
     options.sync = args.sync;
+    if args.search.is_some() {
+        // Its first corrections know the camera's axes by two short moves only.
+        options.rounds = options.rounds.max(SEARCH_ROUNDS);
+    }
     let clock = DeviceClock::live();
     let pulse = dog.pulse();
     let beat = || pulse.tick();
@@ -297,19 +307,10 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
             search.radius_deg = *radius_deg;
             search.least_flux = args.least_flux;
             search.camera_angle_deg = args.camera_angle;
-            let mut pixel_arcsec = f64::NAN;
-            let mut glance = |cancel: &Cancel| {
-                let (lights, scale) = sight.glance(args.width_deg, cancel, &beat, console)?;
-                pixel_arcsec = scale;
-                Ok(lights)
-            };
+            let mut glance = |cancel: &Cancel| sight.glance(args.width_deg, cancel, &beat, console);
             let went = going.search(&target, &mut glance, &search, &cancel, &mut each);
-            went.map(|mut gone| {
-                if let Some(camera) = &mut gone.camera {
-                    camera.pixel_scale_arcsec *= pixel_arcsec;
-                }
-                gone
-            })
+            // Turn and scale by two short moves are too rough for a plan.
+            went.map(|gone| Gone { camera: None, ..gone })
         }
         None => going.to(&target, look, &cancel, &mut each),
     };
@@ -478,14 +479,14 @@ impl Sight {
         Ok((frame, options))
     }
 
-    /// Takes a frame and lists its lights, in arcsec from the middle by the station's scale or the frame's width; and what a pixel of the sensor sees, arcsec.
+    /// Takes a frame and lists its lights, in arcsec from the middle by the station's scale or the frame's width.
     fn glance(
         &mut self,
         width_deg: Option<f64>,
         cancel: &Cancel,
         beat: &dyn Fn(),
         console: Console,
-    ) -> Result<(Lights, f64), String> {
+    ) -> Result<Lights, String> {
         let found = awaited(beat, || {
             let (frame, options) = self.expose(cancel)?;
             let pixels = frame.pixels.mapv(f32::from);
@@ -518,7 +519,7 @@ impl Sight {
             None => "no light".to_owned(),
         });
         let size_px = scale * DVec2::new(columns, rows);
-        Ok((Lights { middle, size_px, lights }, scale / binning))
+        Ok(Lights { middle, size_px, lights })
     }
 }
 

@@ -468,7 +468,7 @@ awk -v r="$2" -v d="$3" -v q="$5" 'BEGIN {
 "#;
 
 /// `sunglint goto --search` over INDI's wires, with its camera of 7.6′ × 6.1′, whose frames have one star or none. Truth: where that star is drawn, beside the catalogue's place, against how far the simulated mount stands from where a goto without frames brought it, asked over another
-/// connection: within 4″, of which the last frame may be off by 3″. The scale is that of the focal length that the camera was told, within 0.5 % (two moves of an arcminute, seen to a tenth of a pixel).
+/// connection: within 4″, of which the last frame may be off by 3″.
 #[test]
 fn a_telescope_searches_a_star() {
     live("a_telescope_searches_a_star", &PROGRAMS, || {
@@ -535,12 +535,6 @@ fn a_telescope_searches_a_star() {
         let east = east * place.dec_deg.to_radians().cos();
         let off = 3600.0 * (east - 0.06).hypot(after.1 - before.1 - 0.09);
         assert!(off < 4.0, "{off}: {before:?} {after:?} {json}");
-        // Pixels of 5.2 µm.
-        let scale = json["camera"]["pixel_scale_arcsec"].as_f64().unwrap();
-        assert!(
-            (scale / (3600.0 * (5.2e-6_f64 / 3.0).to_degrees()) - 1.0).abs() < 0.005,
-            "{scale}"
-        );
     });
 }
 

@@ -141,6 +141,8 @@ pub fn implausible(samples: &Samples) -> Vec<String> {
 
 /// Neighbours of a value, how far they may lie, and the factor within which they agree.
 const NEIGHBOURS: usize = 4;
+/// Nearest others that are looked at: the neighbours, and some more values of the same direction.
+const NEAREST: usize = 12;
 const NEAR_DEG: f64 = 20.0;
 const ALIKE: f64 = 2.0;
 /// A value that is this many times as much as all of its neighbours, or as little, is none of theirs; and values of one direction that differ by this factor are two.
@@ -174,9 +176,17 @@ fn slips(samples: &Samples) -> Vec<String> {
         let mut steps = Vec::new();
         for (k, (o, value)) in values.iter().enumerate() {
             let others = values.iter().enumerate().filter(|(j, _)| *j != k);
+            // The nearest few, by the chord; their angles after.
             let mut others: Vec<(f64, f64)> =
-                others.map(|(_, (at, v))| (at.angle_between(*o).to_degrees(), *v)).collect();
+                others.map(|(_, (at, v))| (at.distance_squared(*o), *v)).collect();
+            if others.len() > NEAREST {
+                others.select_nth_unstable_by(NEAREST, |a, b| a.0.total_cmp(&b.0));
+                others.truncate(NEAREST);
+            }
             others.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for other in &mut others {
+                other.0 = (2.0 * (0.5 * other.0.sqrt()).min(1.0).asin()).to_degrees();
+            }
             let same = others.iter().take_while(|v| v.0 < 1e-4).map(|v| v.1);
             if let Some(other) =
                 same.fold(None, |a: Option<f64>, b| Some(a.map_or(b, |a| a.max(b))))
@@ -425,11 +435,17 @@ impl Grid {
     }
 }
 
-/// The value at a place of an azimuth that has none, from its neighbours on both sides: ln f is straight over the angle. None at the ends.
+/// Angle across which values are interpolated at most.
+const MOST_GAP_DEG: f64 = 15.0;
+
+/// The value at a place of an azimuth that has none, from its neighbours on both sides: ln f is straight over the angle. None at the ends, across wide gaps and beside zeros.
 fn interpolated(radial_deg: &[f64], along: &[Option<f64>], at: usize) -> Option<f64> {
     let beside = |k: &usize| along[*k].map(|v| (radial_deg[*k], v.ln()));
     let before = (0..at).rev().find_map(|k| beside(&k))?;
     let after = (at + 1..along.len()).find_map(|k| beside(&k))?;
+    if after.0 - before.0 > MOST_GAP_DEG || !(before.1 + after.1).is_finite() {
+        return None;
+    }
     let part = (radial_deg[at] - before.0) / (after.0 - before.0);
     Some((before.1 + part * (after.1 - before.1)).exp())
 }
@@ -445,11 +461,11 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
     }
     let mut placed = Vec::new();
     for row in &samples.rows {
-        let Some(value) =
-            row.brdf_per_sr.get(column).copied().filter(|v| v.is_finite() && *v > 0.0)
-        else {
+        // What was measured as 0 or below is a value, and is written as 0.
+        let Some(value) = row.brdf_per_sr.get(column).copied().filter(|v| v.is_finite()) else {
             continue;
         };
+        let value = value.max(0.0);
         let (i, o) = row.directions();
         let o = turned(i, o).1;
         // Light at the azimuth 180°.
@@ -540,7 +556,11 @@ pub struct Rgl {
 
 /// The 95 % point of ln f at which a file is fine enough.
 const FINE_LN: f64 = 0.01;
-/// Elevations, nodes of the densities and side of the grid, coarse to fine (up to 12 MB a wavelength): the first that is fine enough is taken, or the best.
+/// A finer file is as much better at least, or not worth its size.
+const GAIN: f64 = 0.8;
+/// Wavelengths beside which a file is made finer: more make it too large.
+const MOST_FINE: usize = 8;
+/// Elevations, nodes of the densities and side of the grid, coarse to fine (5, 16 and 47 MB of one wavelength, 0.4, 3 and 12 MB for each more): the first that is fine enough is taken.
 const FINENESS: [(usize, usize, usize); 3] = [(24, 128, 64), (48, 192, 128), (90, 256, 180)];
 
 /// Values as a tensor file of the RGL kind, which Mitsuba 3 reads: interpolated as a table is ([`sunglint_simulator::surface::brdf_table`]), at the file's own directions. It is made as fine as the samples need, and says how well it gives them.
@@ -559,7 +579,8 @@ pub fn to_rgl(samples: &Samples) -> Result<Rgl, MaterialError> {
     let rows: Vec<Row> = samples.rows.iter().filter(known).map(row).collect();
     let table = brdf_table::material("table", &samples.wavelength_nm, &rows, None)?;
     // An anisotropic file has nine azimuths, each as large.
-    let finest = if samples.has_azimuths() { 1 } else { FINENESS.len() };
+    let is_large = samples.has_azimuths() || samples.wavelength_nm.len() > MOST_FINE;
+    let finest = if is_large { 1 } else { FINENESS.len() };
     let made = |(elevations, normals, side): (usize, usize, usize)| {
         let at = WriteOptions::at(samples.wavelength_nm.clone());
         let file = measured::write(&table, &WriteOptions { elevations, normals, side, ..at })?;
@@ -571,9 +592,10 @@ pub fn to_rgl(samples: &Samples) -> Result<Rgl, MaterialError> {
             break;
         }
         let found = made(*finer)?;
-        if found.most_ln < best.most_ln {
-            best = found;
+        if found.most_ln > GAIN * best.most_ln {
+            break;
         }
+        best = found;
     }
     Ok(best)
 }
@@ -599,7 +621,7 @@ fn compared(samples: &Samples, file: TensorFile) -> Result<Rgl, MaterialError> {
         for (k, value) in row.brdf_per_sr.iter().enumerate().filter(|v| v.1.is_finite()) {
             if *value > 1e-3 * largest[&key(row, k)] {
                 let found = read.brdf(samples.wavelength_nm[k], i, o);
-                off.push((found.max(1e-12 * value) / value).ln().abs());
+                off.push((found.max(1e-3 * value) / value).ln().abs());
             }
         }
     }

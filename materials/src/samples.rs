@@ -300,8 +300,9 @@ fn unread_sigma(table: &Table) -> Option<String> {
         name.starts_with("sigma_") && table.columns.iter().any(is_read)
     };
     let looks = |name: &str| {
-        let name = name.to_lowercase();
-        ["sigma", "std", "unc", "err"].iter().any(|word| name.contains(word))
+        const WORDS: [&str; 8] =
+            ["sigma", "std", "stdev", "unc", "uncertainty", "err", "error", "errors"];
+        name.to_lowercase().split(['_', ' ', '-', '.']).any(|word| WORDS.contains(&word))
     };
     let names = table.columns.iter().map(|c| c.name.as_str());
     let unread: Vec<&str> = names.filter(|name| looks(name) && !of_value(name)).collect();

@@ -609,7 +609,7 @@ fn campaign_thesis_starts() {
     campaign.finish();
 }
 
-/// Truth: in words. A star that is farther off than is searched is not found, and the message says how far was looked and what was seen.
+/// Truth: in words. A light that is too faint to be the star is not taken for it, and the message says how far was looked and what was seen.
 #[test]
 fn a_star_that_is_not_there_is_not_found() {
     let error = start(3, Some(10.0 * FLUX), true).unwrap_err();

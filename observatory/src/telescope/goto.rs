@@ -113,11 +113,13 @@ pub enum GotoError {
     },
     /// The star is in none of the fields.
     #[error(
-        "the star is in none of {fields} fields up to {radius_deg:.2}° about where it should be{}: search farther, expose longer, or check focus, clouds and the mount's time", brightest_text(*.flux)
+        "the star is in none of {fields} fields up to {radius_deg:.2}° about where it should be{}{}: search farther, expose longer, or check focus, clouds and the mount's time", brightest_text(*.flux), forbidden_text(*.forbidden)
     )]
     Unseen {
-        /// Fields.
+        /// Fields that were looked at.
         fields: usize,
+        /// Fields beyond a limit: the horizon, the Sun, the mount's own.
+        forbidden: usize,
         /// How far was searched, deg.
         radius_deg: f64,
         /// Flux of the brightest light that was seen.
@@ -153,6 +155,11 @@ pub enum GotoError {
         /// Part of the mount's way.
         part: f64,
     },
+    /// Another side of the pier.
+    #[error(
+        "the mount turned over to the other side of its pier during the search: the star is too near the meridian; take one that is farther from it, or wait some minutes"
+    )]
+    TurnedOver,
     /// Corrections do not bring it there.
     #[error(
         "after {rounds} frames the telescope is still {off_arcsec:.0}″ off, expected at most {tolerance_arcsec:.0}″"
@@ -171,6 +178,13 @@ fn brightest_text(flux: Option<f64>) -> String {
     flux.map_or_else(String::new, |flux| {
         format!(" (the brightest light there has a flux of {flux:.0})")
     })
+}
+
+fn forbidden_text(fields: usize) -> String {
+    match fields {
+        0 => String::new(),
+        n => format!(" ({n} more are beyond a limit)"),
+    }
 }
 
 /// Where a frame looks.

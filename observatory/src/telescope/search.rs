@@ -5,7 +5,7 @@
 use super::goto::{CameraAxes, Gone, Goto, GotoError, GotoTarget, check_untouched};
 use super::path::{angles, wrapped};
 use super::steer::Orders;
-use super::tracker::TrackStep;
+use super::tracker::{TrackError, TrackStep, shifted};
 use glam::{DMat2, DVec2};
 use hifitime::Epoch;
 use std::ops::ControlFlow;
@@ -77,6 +77,12 @@ impl SearchOptions {
     }
 }
 
+/// Number of fields about as large as [`fields`] makes.
+fn count(radius: f64, spacing: DVec2) -> usize {
+    let places = 2.0 * (radius / spacing).ceil() + 1.0;
+    (places.x * places.y).min(1e9) as usize
+}
+
 /// Offsets of fields from where the star should be: a lattice of these spacings, turned, that covers a circle; ring by ring about the middle, each once round, so that the ways are short.
 fn fields(radius: f64, spacing: DVec2, turn_deg: f64) -> Vec<DVec2> {
     let reach = (radius / spacing).ceil();
@@ -128,7 +134,18 @@ impl Goto<'_> {
             Some(angle_deg) => (SPACING * size_arcsec, angle_deg),
             None => (DVec2::splat(SPACING_UNKNOWN * side_arcsec), 0.0),
         };
-        let fields = fields(options.radius_deg * 3600.0, spacing, turn_deg);
+        let radius_arcsec = options.radius_deg * 3600.0;
+        // The lattice is a square about the circle.
+        let all = count(radius_arcsec, spacing);
+        if all > 2 * MOST_FIELDS {
+            return Err(GotoError::TooManyFields {
+                fields: all,
+                most: MOST_FIELDS,
+                field_deg: side_arcsec / 3600.0,
+                radius_deg: options.radius_deg,
+            });
+        }
+        let fields = fields(radius_arcsec, spacing, turn_deg);
         if fields.len() > MOST_FIELDS {
             return Err(GotoError::TooManyFields {
                 fields: fields.len(),
@@ -139,10 +156,17 @@ impl Goto<'_> {
         }
         let mut found: Option<(DVec2, Light)> = None;
         let mut seen = first.clone();
+        let mut forbidden = 0;
         for (i, place) in fields.iter().enumerate() {
             if i > 0 {
                 orders.keep(*place);
-                seen = self.glance(target, &orders, (glance, options.settle_s), cancel, each)?;
+                let next = self.glance(target, &orders, (glance, options.settle_s), cancel, each);
+                // A field beyond a limit is left out: the star may be in another one.
+                if let Err(GotoError::Track(TrackError::Danger(_))) = next {
+                    forbidden += 1;
+                    continue;
+                }
+                seen = next?.of_side(seen.pier)?;
             }
             let Some(light) = brightest(&seen.lights) else { continue };
             if found.is_none_or(|(_, best)| light.flux > best.flux) {
@@ -154,13 +178,14 @@ impl Goto<'_> {
         }
         let enough = |light: &Light| options.least_flux.is_none_or(|least| light.flux >= least);
         let Some((place, light)) = found.filter(|(_, light)| enough(light)) else {
-            let (fields, radius_deg) = (fields.len(), options.radius_deg);
+            let (fields, radius_deg) = (fields.len() - forbidden, options.radius_deg);
             let flux = found.map(|(_, light)| light.flux);
-            return Err(GotoError::Unseen { fields, radius_deg, flux });
+            return Err(GotoError::Unseen { fields, forbidden, radius_deg, flux });
         };
         if orders.keep_arcsec() != place {
             orders.keep(place);
-            seen = self.glance(target, &orders, (glance, options.settle_s), cancel, each)?;
+            let there = self.glance(target, &orders, (glance, options.settle_s), cancel, each)?;
+            seen = there.of_side(seen.pier)?;
         }
         let nudge = NUDGE * side_arcsec;
         let (matrix, seen) = self.axes_seen(
@@ -217,6 +242,7 @@ impl Goto<'_> {
                 there[axis] += by;
                 orders.keep(there);
                 let moved = self.glance(target, orders, (&mut *glance, settle_s), cancel, each)?;
+                let moved = moved.of_side(seen.pier)?;
                 if let Some(light) = same(&moved.lights, flux) {
                     let per_arcsec = (light.place_px - from.place_px) / by;
                     let part = per_arcsec.length() * scale_arcsec;
@@ -254,13 +280,13 @@ impl Goto<'_> {
         let scale_arcsec = matrix.determinant().abs().sqrt().recip();
         let sky = matrix.inverse();
         let mut offs = Vec::new();
-        loop {
+        let left = loop {
             let light = same(&seen.lights, flux).ok_or(GotoError::Vanished { flux })?;
             let off = sky * light.place_px;
             let off_arcsec = off.length();
             offs.push(off_arcsec);
             if off_arcsec <= self.options.tolerance_arcsec {
-                break;
+                break off;
             }
             if offs.len() >= self.options.rounds {
                 let (rounds, tolerance_arcsec) = (offs.len(), self.options.tolerance_arcsec);
@@ -268,8 +294,9 @@ impl Goto<'_> {
             }
             orders.keep(orders.keep_arcsec() - off);
             let settle_s = self.options.settle_s;
-            seen = self.glance(target, orders, (&mut *glance, settle_s), cancel, each)?;
-        }
+            let next = self.glance(target, orders, (&mut *glance, settle_s), cancel, each)?;
+            seen = next.of_side(seen.pier)?;
+        };
         let up = sky.y_axis;
         let camera = CameraAxes {
             camera_angle_deg: wrapped((-up.x).atan2(up.y).to_degrees()),
@@ -279,7 +306,9 @@ impl Goto<'_> {
         };
         if self.options.sync {
             let path = self.path(target, self.clock.utc())?;
-            self.tell_place(path.place_of(angles(path.at(0.0).direction), 0.0), cancel)?;
+            // The frame's middle looks beside the star by what is left.
+            let looks = shifted(path.at(0.0).direction, (-left).to_array());
+            self.tell_place(path.place_of(angles(looks), 0.0), cancel)?;
         }
         let own_arcsec = seen.own_arcsec;
         Ok(Gone { own_arcsec, off_arcsec: offs, camera: Some(camera), place: None })
@@ -292,6 +321,16 @@ struct Glanced {
     own_arcsec: f64,
     lights: Lights,
     pier: Option<PierSide>,
+}
+
+impl Glanced {
+    /// The same, unless the mount turned over since a look: then up is down, and its places are others.
+    fn of_side(self, before: Option<PierSide>) -> Result<Self, GotoError> {
+        match (before, self.pier) {
+            (Some(before), Some(now)) if before != now => Err(GotoError::TurnedOver),
+            _ => Ok(self),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ const USUAL_PATHS: f64 = 4096.0;
 const LEAST_PATCHES: f64 = 64.0;
 const MOST_PATCHES: f64 = 2000.0;
 const MOST_SPARE: f64 = 20.0;
+/// Diffuse patches, and all where the budget has paths to spare besides, may state so many times the error of paths before these take their place: they cost a hundredth.
+const KEPT_OF_PATHS: f64 = 2.0;
 /// Times as many numbers in matrices at most: 250 MB while they are made.
 const MOST_SPARE_NUMBERS: f64 = 4.0;
 /// Share of the tolerance that patches and rays may take each.
@@ -67,19 +69,22 @@ impl Effort {
         meetings: 200_000,
         numbers: 16_000_000,
         clear: 200,
-        of_paths: 2.0,
+        of_paths: 0.5,
     };
 
     /// For the Sun, with so many light paths to spare: an epoch of patches costs about as their number squared, or as the directions of rough ones.
     pub fn of_sun(paths: u32) -> Self {
         let spare = f64::from(paths) / USUAL_PATHS;
-        let patches = (spare.sqrt() * Self::SUN.patches as f64).clamp(LEAST_PATCHES, MOST_PATCHES);
+        // Solving them grows with the third power, so that many more paths allow somewhat more patches.
+        let root = if spare > 1.0 { spare.powf(0.25) } else { spare.sqrt() };
+        let patches = (root * Self::SUN.patches as f64).clamp(LEAST_PATCHES, MOST_PATCHES);
         let times = |usual: usize, most: f64| (usual as f64 * spare.clamp(1.0, most)) as usize;
         Self {
             patches: patches as usize,
             asked: times(Self::SUN.asked, MOST_SPARE),
             meetings: times(Self::SUN.meetings, MOST_SPARE),
             numbers: times(Self::SUN.numbers, MOST_SPARE_NUMBERS),
+            of_paths: if spare > 1.0 { KEPT_OF_PATHS } else { Self::SUN.of_paths },
             ..Self::SUN
         }
     }
@@ -188,7 +193,9 @@ impl Still {
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
-            if stated > options.tolerance.max(effort.of_paths * by_paths) {
+            let of_paths =
+                if rough.is_empty() { effort.of_paths.max(KEPT_OF_PATHS) } else { effort.of_paths };
+            if stated > options.tolerance.max(of_paths * by_paths) {
                 return None;
             }
             let plan = || Plan::new(surfaces.clone(), active.clone(), nodes, options);
