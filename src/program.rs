@@ -45,7 +45,9 @@ pub(crate) fn command_line() -> String {
             _ if word.starts_with("--output=") => {}
             _ if word.starts_with("-o") => {}
             _ => words.push(
-                match word.contains(|c: char| !c.is_ascii_graphic() || "'\"$`\\*?".contains(c)) {
+                match word
+                    .contains(|c: char| !c.is_ascii_alphanumeric() && !"_@%+=:,./-".contains(c))
+                {
                     true => format!("'{}'", word.replace('\'', r"'\''")),
                     false => word,
                 },

@@ -248,7 +248,7 @@ fn every_command_reads_rows_in_any_order() {
     }
 }
 
-/// Fluxes of 0 and below and uncertainties that are none (synthetic). Truth: the numbers of the table. All fluxes come back as they were, through a table that is imported again; magnitudes are those of fluxes above 0
+/// Fluxes of 0 and below and uncertainties that are none (synthetic). Truth: the numbers of the table. All fluxes come back as they were, through tables that are imported again, without magnitudes; where magnitudes are written they are those of fluxes above 0
 /// alone (−2.5 lg 100 = −5, and 2.5/ln 10 · 5/100 = 0.0543 mag); no infinite or negative number is written anywhere; the first bad row of each kind is named.
 #[test]
 fn fluxes_of_0_and_below_are_data() {
@@ -290,12 +290,15 @@ fn fluxes_of_0_and_below_are_data() {
     let table = sunglint_formats::ecsv::read(folder.path("i.ecsv")).unwrap();
     let column = |name: &str| table.f64(name).unwrap().into_owned();
     assert!(column("flux").iter().enumerate().all(|(i, f)| *f == flux(i)));
-    let (magnitude, sigma_mag) = (column("magnitude"), column("sigma_mag"));
-    assert!((magnitude[0] + 5.0).abs() < 1e-12 && (sigma_mag[0] - 0.0543).abs() < 1e-4);
-    assert!(magnitude[3].is_nan() && magnitude[4].is_nan() && sigma_mag[4].is_nan());
+    assert!(table.f64("magnitude").is_err() && table.f64("sigma_mag").is_err());
     assert!(column("sigma_flux")[5..8].iter().all(|s| s.is_nan()));
+    // Where magnitudes are asked for, they are those of fluxes above 0.
+    let alcdef = std::fs::read_to_string(folder.path("i.txt")).unwrap();
+    let first = alcdef.lines().find(|line| line.starts_with("DATA=")).unwrap();
+    let numbers: Vec<f64> = first.split('|').skip(1).map(|n| n.parse().unwrap()).collect();
+    assert!((numbers[0] + 5.0).abs() < 1e-3 && (numbers[1] - 0.0543).abs() < 1e-3, "{first}");
     // What is written is read as fluxes again, and every one of the 40 counts.
-    for file in ["f.csv", "i.ecsv"] {
+    for file in ["f.csv", "i.ecsv", "i.csv"] {
         let folded =
             folder.json(&["analyse", "fold", file, "--period", "5", "--bins", "5", "--json"]);
         assert_eq!(folded["channels"][0]["samples"], 40, "{file}: {folded}");
@@ -372,4 +375,33 @@ fn a_period_within_an_exposure_is_told() {
     let short = said("0.04");
     assert!(short.contains("period of 0.04 s") && short.contains("exposure of 0.1 s"), "{short}");
     assert!(!said("20").contains("exposure of"));
+}
+
+/// Rates of which a few have no uncertainty (synthetic): a straight line of 300 with three bright ones whose σ is 0. Truth: what the warning says, that all samples then weigh alike: the fold is that of the same
+/// rates without a σ anywhere. A slip in a scene's [fit] is told with its line, not as another kind of file.
+#[test]
+fn uncertainties_of_0_weigh_no_more_and_slips_keep_their_line() {
+    let folder = Folder::new("sigma-of-0");
+    let rows = |sigma: &dyn Fn(usize) -> f64| -> String {
+        let rate = |i: usize| if i % 100 == 50 { 9e4 } else { 5e4 + 100.0 * (i % 7) as f64 };
+        let head = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: time_utc, datatype: string}\n# - {name: exposure_s, datatype: float64, unit: s}\n# - {name: rate_hz_a, datatype: float64, unit: Hz}\n# - {name: sigma_hz_a, datatype: float64, unit: Hz}\n# - {name: flag_a, datatype: int64}\n# meta: {quantity: linear, channels: [a]}\n# schema: astropy-2.0\ntime_utc,exposure_s,rate_hz_a,sigma_hz_a,flag_a\n";
+        let row = |i: usize| {
+            format!("2024-02-28T16:{:02}:{:02}Z,0.1,{},{},0\n", i / 60, i % 60, rate(i), sigma(i))
+        };
+        head.to_owned() + &(0..300).map(row).collect::<String>()
+    };
+    let few = rows(&|i| if i % 100 == 50 { 0.0 } else { 3e3 });
+    let none = rows(&|_| 0.0);
+    std::fs::write(folder.path("few.ecsv"), few).unwrap();
+    std::fs::write(folder.path("none.ecsv"), none).unwrap();
+    let of = |file: &str| {
+        let found =
+            folder.json(&["analyse", "fold", file, "--period", "7", "--bins", "7", "--json"]);
+        found["channels"].clone()
+    };
+    assert_eq!(of("few.ecsv"), of("none.ecsv"));
+    std::fs::write(folder.path("s.toml"), format!("{SPHERE_PASS}\n[fit]\nplaces = \"x\"\n"))
+        .unwrap();
+    let said = folder.refused(1, &["fit", "few.ecsv", "s.toml"]);
+    assert!(said.contains("places") && !said.contains("a TOML file with the keys"), "{said}");
 }

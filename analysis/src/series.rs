@@ -164,8 +164,11 @@ impl Series {
         let rate = pick(&channel.rate_hz);
         // No model of harmonics is better than that part of the light's own variation: weights by photon noise alone would all but leave out the glints.
         let floor = FLOOR * deviation(&rate);
-        let sigma: Vec<f64> = pick(&channel.sigma_hz).iter().map(|s| s.hypot(floor)).collect();
-        let mut series = Self::new(name, &time, &rate, Some(&sigma))?;
+        let sigma = pick(&channel.sigma_hz);
+        // One that has none would weigh most with that part alone.
+        let all_known = sigma.iter().all(|s| s.is_finite() && *s > 0.0);
+        let sigma: Vec<f64> = sigma.iter().map(|s| s.hypot(floor)).collect();
+        let mut series = Self::new(name, &time, &rate, Some(&sigma[..]).filter(|_| all_known))?;
         series.left_out.flagged = curve.len() - kept.len();
         series.exposure_s = kept.iter().map(|i| curve.samples.exposure_s[*i]).fold(0.0, f64::max);
         Ok(series)

@@ -164,8 +164,11 @@ pub fn of(bytes: &[u8]) -> Option<Kind> {
     if text.len() > LONGEST_SETTINGS {
         return None;
     }
-    if start.starts_with('{') && serde_json::from_str::<serde::de::IgnoredAny>(start).is_ok() {
-        return Some(Kind::Json);
+    if start.starts_with(['{', '[']) && serde_json::from_str::<serde::de::IgnoredAny>(start).is_ok()
+    {
+        // An OMM.
+        let is_elements = start.contains("\"MEAN_MOTION\"");
+        return Some(if is_elements { Kind::Elements } else { Kind::Json });
     }
     of_toml(text)
 }
@@ -191,7 +194,9 @@ pub(crate) fn of_bytes(bytes: &[u8]) -> Option<Kind> {
     }
     // UTF-16 has zeros, too, and a mark before them. A text with a zero or two is damaged, and its reader says where.
     let is_utf16 = begins(&[0xff, 0xfe]) || begins(&[0xfe, 0xff]);
-    let head = &bytes[..bytes.len().min(4096)];
+    // Zeros at the end are room that was kept for more text.
+    let end = bytes.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    let head = &bytes[..end.min(4096)];
     let zeros = head.iter().filter(|b| **b == 0).count();
     (!is_utf16 && zeros > 0 && 32 * zeros >= head.len()).then_some(Kind::Binary)
 }
@@ -214,7 +219,10 @@ fn is_elements(text: &str) -> bool {
     let lines: Vec<&str> =
         text.lines().map(str::trim_end).filter(|l| !l.is_empty()).take(3).collect();
     let is = |line: &str, number: &str| line.len() == 69 && line.starts_with(number);
-    lines.windows(2).any(|pair| is(pair[0], "1 ") && is(pair[1], "2 "))
+    // Both name the same object.
+    let number = |line: &str| line.as_bytes().get(2..7).map(<[u8]>::to_owned);
+    let same = |pair: &[&str]| number(pair[0]) == number(pair[1]);
+    lines.windows(2).any(|pair| is(pair[0], "1 ") && is(pair[1], "2 ") && same(pair))
 }
 
 fn of_toml(text: &str) -> Option<Kind> {
@@ -275,6 +283,9 @@ mod tests {
             ),
             (b"# %ECSV 1.0\n# ---\na b\n", Some(Kind::Table)),
             (b"{\"a\": 1}", Some(Kind::Json)),
+            (b"[{\"a\": 1}]", Some(Kind::Json)),
+            (b"[{\"OBJECT_NAME\": \"A\", \"MEAN_MOTION\": 15.5}]", Some(Kind::Elements)),
+            (b"time,mag\n1,2\n\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0", None),
             (b"<!DOCTYPE html><html></html>", Some(Kind::Html)),
             (b"\x1f\x8b\x08\x00", Some(Kind::Gzip)),
             (b"\x89PNG\r\n", Some(Kind::Picture)),

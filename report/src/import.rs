@@ -154,18 +154,22 @@ impl Summary {
         text
     }
 
-    /// The samples as a table that every command reads, with the summary as JSON. Fluxes stand beside their magnitudes, and are what is read again.
+    /// The samples as a table that every command reads, with the summary as JSON. Fluxes are written as such, without magnitudes.
     ///
     /// # Errors
     /// A summary that JSON cannot hold.
     pub fn product(&self, name: &str, import: &Import) -> Result<Product, ProductError> {
         let s = &import.samples;
-        let mut columns = vec![
-            Column::text("time_utc", s.time.iter().map(|t| format_utc(*t, 6)).collect()),
-            Column::f64("magnitude", Some("mag"), s.magnitude.clone()),
-        ];
+        let mut columns =
+            vec![Column::text("time_utc", s.time.iter().map(|t| format_utc(*t, 6)).collect())];
+        // Magnitudes of fluxes have a zero point of their own, and CSV cannot say so.
+        let of_magnitudes = s.flux.is_none();
+        if of_magnitudes {
+            columns.push(Column::f64("magnitude", Some("mag"), s.magnitude.clone()));
+        }
+        let sigma_mag = s.sigma_mag.clone().filter(|_| of_magnitudes);
         let optional = [
-            ("sigma_mag", Some("mag"), &s.sigma_mag),
+            ("sigma_mag", Some("mag"), &sigma_mag),
             ("flux", None, &s.flux),
             ("sigma_flux", None, &s.sigma_flux),
             ("exposure_s", Some("s"), &s.exposure_s),

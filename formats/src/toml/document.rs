@@ -72,8 +72,12 @@ impl Document {
         if own.is_empty() || own.iter().any(|key| keys.contains(key)) {
             return None;
         }
+        let tree = self.tree().ok()?;
         let wanted = match kind::Kind::with_keys(keys) {
+            Some(wanted) if wanted == found => return None,
             Some(wanted) => wanted.name().to_owned(),
+            // Part of a file is read, and is there: the error lies in it.
+            None if keys.iter().any(|key| tree.contains_key(*key)) => return None,
             None => format!("a TOML file with the keys {}", listed(keys)),
         };
         Some(found.in_place_of(&self.path, &wanted))

@@ -536,6 +536,20 @@ impl Brightness {
                 (sigma[i], share[i]) = (stated, of_light);
             }
         }
+        if sigma_flux.is_none()
+            && let Some(of_rows) = &rows.flux
+            && of_rows.iter().any(|f| *f <= 0.0)
+        {
+            // About 0 a share of the light is no noise: what steps of the fluxes themselves scatter by is.
+            for track in &tracks {
+                let own: Vec<f64> = track.iter().map(|i| flux[*i]).collect();
+                let Some(white) = white_noise(&own) else { continue };
+                for i in track {
+                    let of_light = if smooth[*i] > 0.0 { white / smooth[*i] } else { f64::NAN };
+                    (sigma[*i], share[*i]) = (white, of_light);
+                }
+            }
+        }
         let is_exposure_known = rows.exposure_s.is_some();
         let exposure_s = rows.exposure_s.unwrap_or_else(|| vec![usual_s.clamp(1e-3, 10.0); n]);
         let curve = Self {

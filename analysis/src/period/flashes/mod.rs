@@ -266,10 +266,10 @@ pub fn with_flashes(
         // Light with two periods has no comb of one: flashes were asked before.
         Outcome::Two(..) => {}
         Outcome::Family(members) => {
-            // One of two periods at once says nothing about a comb.
+            // One of two periods at once says nothing about a comb. A ninth of a comb's period is one of its lines, and no reason to leave the comb out.
             let known = |f: &Member| {
                 let of_one = members.iter().filter(|m| m.membership != Membership::Second);
-                of_one.into_iter().any(|m| explains(&m.estimate, &f.estimate))
+                of_one.into_iter().any(|m| alike(&m.estimate, &f.estimate, span_s))
             };
             let new: Vec<Member> = train.periods.iter().filter(|f| !known(f)).copied().collect();
             members.extend(by_flashes(&new));
