@@ -181,7 +181,8 @@ fn values_of_a_bad_bench() {
                 let off = (value - exact).abs();
                 let off = if from_lamp { (value / scale - exact).abs() } else { off };
                 assert!(off < 4.0 * sigma + 0.01 * exact, "{value} {exact} ± {sigma}: {row:?}");
-                squares += ((value / scale - exact) / sigma).powi(2);
+                // Values and their uncertainties share the scale.
+                squares += ((value - scale * exact) / sigma).powi(2);
                 worst = worst.max(off / exact);
             }
             let pull = (squares / found.samples.rows.len() as f64).sqrt();
