@@ -569,6 +569,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "fit",
         // Where the materials are known to so much only.
         "of_scale",
+        "material_m2_per_sr",
         // Of magnitudes alone, and where samples are left out.
         "white_noise_mag",
         "mean_mag",
