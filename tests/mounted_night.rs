@@ -468,7 +468,7 @@ awk -v r="$2" -v d="$3" -v q="$5" 'BEGIN {
 "#;
 
 /// `sunglint goto --search` over INDI's wires, with its camera of 7.6′ × 6.1′, whose frames have one star or none. Truth: where that star is drawn, beside the catalogue's place, against how far the simulated mount stands from where a goto without frames brought it, asked over another
-/// connection: within 4″, of which the last frame may be off by 3″.
+/// connection: of 389″ within 30″, since INDI's camera takes the mount's places of date for ones without aberration (20″) and nutation (17″), which `goto` gives it; the last frame is within 3″ of the star.
 #[test]
 fn a_telescope_searches_a_star() {
     live("a_telescope_searches_a_star", &PROGRAMS, || {
@@ -534,7 +534,7 @@ fn a_telescope_searches_a_star() {
         let east = (after.0 - before.0 + 180.0).rem_euclid(360.0) - 180.0;
         let east = east * place.dec_deg.to_radians().cos();
         let off = 3600.0 * (east - 0.06).hypot(after.1 - before.1 - 0.09);
-        assert!(off < 4.0, "{off}: {before:?} {after:?} {json}");
+        assert!(off < 30.0, "{off}: {before:?} {after:?} {json}");
     });
 }
 
