@@ -405,6 +405,9 @@ fn uncertainties_of_0_weigh_no_more_and_slips_keep_their_line() {
     assert_eq!(profile(&of("few.ecsv")), profile(&equal));
     std::fs::write(folder.path("s.toml"), format!("{SPHERE_PASS}\n[fit]\nplaces = \"x\"\n"))
         .unwrap();
-    let said = folder.refused(1, &["fit", "few.ecsv", "s.toml"]);
+    let row = |i: usize| format!("2024-02-28T16:56:{i:02}Z,7.{i:02}\n");
+    let text = format!("time_utc,magnitude\n{}", (0..40).map(row).collect::<String>());
+    std::fs::write(folder.path("c.csv"), text).unwrap();
+    let said = folder.refused(1, &["fit", "c.csv", "s.toml"]);
     assert!(said.contains("places") && !said.contains("a TOML file with the keys"), "{said}");
 }
