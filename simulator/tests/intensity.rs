@@ -249,7 +249,7 @@ fn an_observer_inside_the_body_is_refused() {
 #[test]
 fn what_materials_say_of_themselves_is_stated() {
     let text = "[[part]]\nname = \"a\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"known\"\n[[part]]\nname = \"b\"\nshape = \"sphere\"\nradius_m = 0.5\noffset_m = [0.0, 0.0, 9.0]\nmaterial = \"fitted\"\n\
-        [[material]]\nname = \"known\"\nmodel = \"lambert\"\nreflectance = 0.2\n[[material]]\nname = \"fitted\"\nmodel = \"composite\"\ndiffuse = { reflectance = 0.4 }\n\
+        [[material]]\nname = \"known\"\nmodel = \"lambert\"\nreflectance = 0.2\n[[material]]\nname = \"fitted\"\nmodel = \"composite\"\nfresnel = \"dielectric\"\nn = 1.5\ndiffuse = { reflectance = 0.4 }\n\
         [material.doubt]\npeak_ln = 0.3\nwings_ln = 0.3\ngrazing_ln = 0.3\n";
     let target = Target::parse(Path::new("two.toml"), text).unwrap();
     for deg in [10.0, 60.0, 110.0_f64] {
