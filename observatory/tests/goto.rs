@@ -6,6 +6,7 @@ use hifitime::{Epoch, Unit};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{
@@ -301,6 +302,8 @@ struct Beside {
     by_deg: [f64; 2],
     knows: bool,
     sent: usize,
+    /// A hand that stops it after the next reading, and the clock that goes on until it stands.
+    hand: Option<(Arc<AtomicBool>, Arc<VirtualClock>)>,
 }
 
 impl Device for Beside {
@@ -329,6 +332,12 @@ impl Mount for Beside {
         {
             *ra_deg = (*ra_deg + self.by_deg[0]).rem_euclid(360.0);
             *dec_deg += self.by_deg[1];
+        }
+        if let Some((stops, clock)) = &self.hand
+            && stops.swap(false, Ordering::Relaxed)
+        {
+            self.mount.stop(deadline)?;
+            clock.sleep(Duration::from_secs(1));
         }
         Ok(reading)
     }
@@ -413,8 +422,13 @@ fn a_mount_that_is_late_is_sent_again() {
         let (own, target) = (star.clone(), GotoTarget::Star(Box::new(star.clone())));
         let sky = Arc::new(move |utc: Epoch| Some(enu_of(&own, utc)));
         let telescope = Telescope::new(makings, clock.clone(), sky);
-        let mut mount =
-            Beside { mount: telescope.mount(), by_deg: [0.0, by_deg], knows: true, sent: 0 };
+        let mut mount = Beside {
+            mount: telescope.mount(),
+            by_deg: [0.0, by_deg],
+            knows: true,
+            sent: 0,
+            hand: None,
+        };
         let mut goto = Goto {
             site: &site(),
             guard: &guard,
@@ -472,6 +486,16 @@ struct Start {
 
 /// A start with a camera that nobody has measured, on a mount that is off by up to half a degree.
 fn start(seed: u64, least_flux: Option<f64>, knows_turn: bool) -> Result<Start, GotoError> {
+    start_with(seed, least_flux, knows_turn, None)
+}
+
+/// The same, with a hand that stops the mount after a frame of this number.
+fn start_with(
+    seed: u64,
+    least_flux: Option<f64>,
+    knows_turn: bool,
+    stops_after: Option<usize>,
+) -> Result<Start, GotoError> {
     let mut dice = Dice(seed * 104_729 + 7);
     let names = ["Deneb", "Vega", "Altair", "Alderamin", "Schedar", "Mirach"];
     let name = names[(dice.next() * names.len() as f64) as usize % names.len()];
@@ -490,7 +514,14 @@ fn start(seed: u64, least_flux: Option<f64>, knows_turn: bool) -> Result<Start, 
     let (far, towards) = (0.5 * dice.next().sqrt(), std::f64::consts::TAU * dice.next());
     let across = star.icrs.dec_deg.to_radians().cos();
     let by_deg = [far * towards.cos() / across, far * towards.sin()];
-    let mut mount = Beside { mount: telescope.mount(), by_deg, knows: false, sent: 0 };
+    let hand_stops = Arc::new(AtomicBool::new(false));
+    let mut mount = Beside {
+        mount: telescope.mount(),
+        by_deg,
+        knows: false,
+        sent: 0,
+        hand: Some((hand_stops.clone(), hand.clone())),
+    };
     let (camera_deg, is_mirrored) = (360.0 * dice.next() - 180.0, dice.next() < 0.5);
     let dice_turn = dice.next();
     // A star of a thirtieth of the light somewhere in each frame.
@@ -499,7 +530,11 @@ fn start(seed: u64, least_flux: Option<f64>, knows_turn: bool) -> Result<Start, 
         flux: FLUX / 30.0,
     };
     let (seen, seen_clock, target) = (telescope.clone(), clock.clone(), star.clone());
+    let mut frames = 0;
     let mut glance = |_: &Cancel| {
+        frames += 1;
+        // The reading that ends this frame still shows it tracking.
+        hand_stops.store(stops_after == Some(frames), Ordering::Relaxed);
         // Exposure and reading out.
         hand.sleep(Duration::from_millis(300));
         seen.advance();
@@ -615,4 +650,11 @@ fn a_star_that_is_not_there_is_not_found() {
     let error = start(3, Some(10.0 * FLUX), true).unwrap_err();
     assert!(matches!(error, GotoError::Unseen { flux: Some(flux), .. } if flux < 1.2 * FLUX));
     assert!(error.to_string().contains("fields up to 0.50°"), "{error}");
+}
+
+/// Truth: in words. Who stops the mount between two frames of a search has the last word: it is not sent on. The stop comes after the reading that ends the third frame, which still shows it tracking.
+#[test]
+fn a_hand_that_stops_the_mount_ends_a_search() {
+    let error = start_with(3, Some(10.0 * FLUX), true, Some(3)).unwrap_err();
+    assert!(matches!(error, GotoError::Track(TrackError::ByHand { .. })), "{error}");
 }

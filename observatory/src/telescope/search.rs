@@ -10,7 +10,7 @@ use glam::{DMat2, DVec2};
 use hifitime::Epoch;
 use std::ops::ControlFlow;
 use sunglint_drivers::clock::Cancel;
-use sunglint_drivers::device::PierSide;
+use sunglint_drivers::device::{MountMotion, PierSide};
 
 /// Distance of the fields' middles as a part of a field's sides, where the camera's turn is known: a degree or two of it may be wrong, and the mount stops some arcsec beside.
 const SPACING: f64 = 0.94;
@@ -127,7 +127,8 @@ impl Goto<'_> {
     ) -> Result<Gone, GotoError> {
         let orders = Orders::default();
         // What the first frame says of the field's size.
-        let first = self.glance(target, &orders, (glance, self.options.settle_s), cancel, each)?;
+        let settle_s = self.options.settle_s;
+        let first = self.glance(target, &orders, (glance, settle_s), None, cancel, each)?;
         let size_arcsec = first.lights.size_px * options.scale_arcsec;
         let side_arcsec = size_arcsec.min_element();
         let (spacing, turn_deg) = match options.camera_angle_deg {
@@ -160,13 +161,15 @@ impl Goto<'_> {
         for (i, place) in fields.iter().enumerate() {
             if i > 0 {
                 orders.keep(*place);
-                let next = self.glance(target, &orders, (glance, options.settle_s), cancel, each);
-                // A field beyond a limit is left out: the star may be in another one.
+                let rest = (&mut *glance, options.settle_s);
+                let next = self.glance(target, &orders, rest, Some(&seen), cancel, each);
+                // A field beyond a limit is left out: the star may be in another one. The refusal may have stopped the mount.
                 if let Err(GotoError::Track(TrackError::Danger(_))) = next {
                     forbidden += 1;
+                    seen.motion = self.reading(cancel)?.motion;
                     continue;
                 }
-                seen = next?.of_side(seen.pier)?;
+                seen = next?;
             }
             let Some(light) = brightest(&seen.lights) else { continue };
             if found.is_none_or(|(_, best)| light.flux > best.flux) {
@@ -184,8 +187,8 @@ impl Goto<'_> {
         };
         if orders.keep_arcsec() != place {
             orders.keep(place);
-            let there = self.glance(target, &orders, (glance, options.settle_s), cancel, each)?;
-            seen = there.of_side(seen.pier)?;
+            let rest = (&mut *glance, options.settle_s);
+            seen = self.glance(target, &orders, rest, Some(&seen), cancel, each)?;
         }
         let nudge = NUDGE * side_arcsec;
         let (matrix, seen) = self.axes_seen(
@@ -198,23 +201,34 @@ impl Goto<'_> {
         self.centre((target, &orders), glance, (matrix, seen, light.flux), cancel, each)
     }
 
-    /// Sends the mount to where the target is to be kept, and takes a frame there.
+    /// Sends the mount to where the target is to be kept, and takes a frame there. `last` is the frame before: who stopped the mount since then has ended the search, and a mount that turned over shows other places.
     fn glance(
         &mut self,
         target: &GotoTarget,
         orders: &Orders,
         (glance, settle_s): (&mut Glance<'_>, f64),
+        last: Option<&Glanced>,
         cancel: &Cancel,
         each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
     ) -> Result<Glanced, GotoError> {
+        if let Some(last) = last {
+            let now = self.reading(cancel)?;
+            check_untouched(last.motion, now.motion)?;
+        }
         let (_, own_arcsec) = self.arrive(target, orders, cancel, each)?;
         self.rest(settle_s, cancel)?;
         let before = self.reading(cancel)?;
+        if let Some(last) = last {
+            check_untouched(last.motion, before.motion)?;
+        }
         let lights = glance(cancel);
         let after = self.reading(cancel)?;
         check_untouched(before.motion, after.motion)?;
         let lights = lights.map_err(GotoError::Blind)?;
-        Ok(Glanced { own_arcsec, lights, pier: after.pier })
+        match (last.and_then(|last| last.pier), after.pier) {
+            (Some(last), Some(now)) if last != now => Err(GotoError::TurnedOver),
+            _ => Ok(Glanced { own_arcsec, lights, pier: after.pier, motion: after.motion }),
+        }
     }
 
     /// Two short moves along the axes: by how many px a light moves to the right and up, for each arcsec by which it is kept elsewhere along the growing axes.
@@ -241,8 +255,8 @@ impl Goto<'_> {
                 let mut there = keep;
                 there[axis] += by;
                 orders.keep(there);
-                let moved = self.glance(target, orders, (&mut *glance, settle_s), cancel, each)?;
-                let moved = moved.of_side(seen.pier)?;
+                let rest = (&mut *glance, settle_s);
+                let moved = self.glance(target, orders, rest, Some(&seen), cancel, each)?;
                 if let Some(light) = same(&moved.lights, flux) {
                     let per_arcsec = (light.place_px - from.place_px) / by;
                     let part = per_arcsec.length() * scale_arcsec;
@@ -294,8 +308,8 @@ impl Goto<'_> {
             }
             orders.keep(orders.keep_arcsec() - off);
             let settle_s = self.options.settle_s;
-            let next = self.glance(target, orders, (&mut *glance, settle_s), cancel, each)?;
-            seen = next.of_side(seen.pier)?;
+            let rest = (&mut *glance, settle_s);
+            seen = self.glance(target, orders, rest, Some(&seen), cancel, each)?;
         };
         let up = sky.y_axis;
         let camera = CameraAxes {
@@ -321,16 +335,7 @@ struct Glanced {
     own_arcsec: f64,
     lights: Lights,
     pier: Option<PierSide>,
-}
-
-impl Glanced {
-    /// The same, unless the mount turned over since a look: then up is down, and its places are others.
-    fn of_side(self, before: Option<PierSide>) -> Result<Self, GotoError> {
-        match (before, self.pier) {
-            (Some(before), Some(now)) if before != now => Err(GotoError::TurnedOver),
-            _ => Ok(self),
-        }
-    }
+    motion: MountMotion,
 }
 
 #[cfg(test)]
