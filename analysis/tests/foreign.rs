@@ -529,10 +529,14 @@ fn light_that_rounding_hides_is_constant() {
             // Where most neighbours are alike, no noise is known, and the file is refused with the same reason.
             let words = match read(&paths, &MagnitudeOptions::default()) {
                 Err(refused) => refused.to_string(),
-                Ok(curves) => match found(curves).verdict.outcome {
-                    Outcome::NotEnough(reason) => reason.to_string(),
-                    other => panic!("{seed}: {other:?}"),
-                },
+                Ok(curves) => {
+                    let verdict = found(curves).verdict;
+                    assert!(verdict.best.is_none(), "{seed}: {verdict:?}");
+                    match verdict.outcome {
+                        Outcome::NotEnough(reason) => reason.to_string(),
+                        other => panic!("{seed}: {other:?}"),
+                    }
+                }
             };
             assert!(words.contains("light is constant") && words.contains("0.01 mag"), "{words}");
         }

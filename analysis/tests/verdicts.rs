@@ -212,6 +212,24 @@ fn reason(answer: &Verdict) -> String {
     }
 }
 
+/// Truth: the period that was put in, of curves without any noise: a square wave whose turn is a whole number of samples, and one whose is not. Its own period comes first, and no multiple is taken for better
+/// founded by roundings. Tolerance: 0.1 %.
+#[test]
+fn curves_without_noise_have_their_own_period() {
+    for (period, n) in [(20.0, 600), (20.0, 1800), (17.3, 900)] {
+        let time: Vec<f64> = (0..n).map(f64::from).collect();
+        let value: Vec<f64> =
+            time.iter().map(|t| if (t / period).fract() < 0.5 { 10.0 } else { 11.0 }).collect();
+        let answer = ask(&time, &value);
+        let first = match &answer.outcome {
+            Outcome::One(one) => one.period_s,
+            Outcome::Family(members) => members[0].estimate.period_s,
+            other => panic!("{other:?}"),
+        };
+        assert!((first / period - 1.0).abs() < 1e-3, "{period} {n}: {:?}", answer.outcome);
+    }
+}
+
 /// Truth: the period that was put in, or that there is none.
 #[test]
 fn hard_cases_are_right_or_refused_with_the_reason() {

@@ -40,6 +40,8 @@ const RESOLVED: f64 = 0.05;
 const FLAT_TO: usize = 64;
 /// Lines that may be folded harmonics are not there if their chance to be noise is above this.
 const ABSENT: f64 = 0.1;
+/// Curves without noise leave roundings: no sample is better known than to this share of the light's variation.
+const EXACT: f64 = 1e-9;
 /// Harmonics beyond this are too weak to be seen folded: a glint of a hundredth of a turn has fallen by then.
 const HIGHEST_ORDER: f64 = 64.0;
 
@@ -145,6 +147,8 @@ struct Weighed {
     /// Weight, taper and what the harmonics leave.
     left: Vec<f64>,
     resolution_hz: f64,
+    /// Power that samples which are known to [`EXACT`] leave anywhere.
+    least: f64,
     /// Samples per second, from the fewest to the most, where the sampling is regular.
     sampling_hz: Option<[f64; 2]>,
 }
@@ -159,9 +163,12 @@ impl Weighed {
             (0..time.len()).map(|i| series.weight[i] * taper(time[i]) * value(i)).collect()
         };
         let whole = by(&|i| series.value[i] - mean);
+        let squares = series.value.iter().zip(&series.weight).map(|(v, w)| w * (v - mean).powi(2));
+        let variance = squares.sum::<f64>() / series.weight.iter().sum::<f64>();
+        let least = EXACT * EXACT * variance * by(&|_| 1.0).iter().map(|w| w * w).sum::<f64>();
         let left = by(&|i| left[i]);
         let sampling_hz = sampling(&time);
-        Self { time, whole, left, resolution_hz: 1.0 / span, sampling_hz }
+        Self { time, whole, left, resolution_hz: 1.0 / span, least, sampling_hz }
     }
 
     /// Power that the harmonics leave at the first multiples of a frequency, and so many resolutions to either side of each.
@@ -420,7 +427,7 @@ impl Lines<'_> {
         if n == 0.0 || line_hz > self.highest_hz {
             return Line { chance: 1.0, power: 0.0, beside: 0.0 };
         }
-        let beside = sum / n;
+        let beside = (sum / n).max(samples.least);
         let chance = if beside > 0.0 { (1.0 + power / beside / n).powf(-n) } else { 1.0 };
         Line { chance, power, beside }
     }

@@ -86,6 +86,9 @@ pub fn pdm(
     periods_s.iter().map(one).collect()
 }
 
+/// Below this Θ nothing but rounding is left, which says nothing of a longer period.
+const ROUNDED: f64 = 1e-12;
+
 /// Chance that phase bins that are `times` as fine in turns would lower the dispersion this much: the F test of a model within a larger one.
 /// `coarse` is a period in M bins, `fine` a multiple of it in as many times M bins, so that every fine bin lies within a coarse one. `independent` (0 to 1) is the
 /// share of the samples that are independent of their neighbours. `None` where nothing is left to judge by.
@@ -93,6 +96,9 @@ pub fn dispersion_test(coarse: &Dispersion, fine: &Dispersion, independent: f64)
     let more = fine.bins.checked_sub(coarse.bins).filter(|n| *n > 0)? as f64;
     let free = fine.samples.checked_sub(fine.bins).filter(|n| *n > 0)? as f64;
     let free = free * independent;
+    if coarse.theta < ROUNDED {
+        return Some(1.0);
+    }
     if fine.within <= 0.0 || free < 2.0 {
         return None;
     }

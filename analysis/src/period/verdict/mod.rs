@@ -97,7 +97,8 @@ fn verdict_of(series: &[Series], options: &Options, is_wide: bool) -> Result<Ver
     if let Outcome::NotEnough(_) = answer.outcome
         && let Some(reason) = rounded_away(&used)
     {
-        answer.outcome = Outcome::NotEnough(reason);
+        // Constant light has no best period either.
+        (answer.outcome, answer.best) = (Outcome::NotEnough(reason), None);
     }
     Ok(answer)
 }
