@@ -248,6 +248,33 @@ fn every_command_reads_rows_in_any_order() {
     }
 }
 
+/// A table of two objects in turn, whose every fifth row has an uncertainty of 0, and one a flux of 0 (synthetic). Truth: places in the file. Asked for one of them, warnings count its rows alone and name them as they stand in
+/// the file.
+#[test]
+fn rows_in_warnings_are_those_of_the_file() {
+    let folder = Folder::new("rows-of-one");
+    for (name, of_dark) in [("magnitude,sigma_mag", "9.5"), ("flux,flux_err", "0")] {
+        let row = |i: usize| {
+            let object = ["A", "B"][i % 2];
+            let light =
+                if i == 7 { of_dark.to_owned() } else { format!("{}", 9.0 + 0.1 * (i % 7) as f64) };
+            let sigma = if i % 5 == 1 { "0" } else { "0.02" };
+            format!("2024-02-28T16:56:{i:02}Z,{light},{sigma},{object}\n")
+        };
+        let text = (0..40).map(row).collect::<String>();
+        std::fs::write(folder.path("two.csv"), format!("time_utc,{name},object\n{text}")).unwrap();
+        // Rows 2, 12, 22 and 32 of the file are of B, and so is row 8.
+        for command in [&["import", "two.csv"][..], &["analyse", "period", "two.csv"]] {
+            let out = folder.run(&[command, &["--object", "B"]].concat());
+            let said = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
+            assert!(said.contains("4 of 20 (the first: 0 in row 2)"), "{command:?}: {said}");
+            if of_dark == "0" && command[0] == "import" {
+                assert!(said.contains("1 of 20 (the first: 0 in row 8)"), "{said}");
+            }
+        }
+    }
+}
+
 /// Fluxes of 0 and below and uncertainties that are none (synthetic). Truth: the numbers of the table. All fluxes come back as they were, through tables that are imported again, without magnitudes; where magnitudes are written they are those of fluxes above 0
 /// alone (−2.5 lg 100 = −5, and 2.5/ln 10 · 5/100 = 0.0543 mag); no infinite or negative number is written anywhere; the first bad row of each kind is named.
 #[test]

@@ -54,6 +54,10 @@ pub fn import(
     let mut import = match open_named(path, bytes, &names.all)? {
         Source::Samples(format, samples) => {
             rows.of_target(&samples.target).map_err(objects)?;
+            let mut samples = samples;
+            if let Some(sigma) = &mut samples.sigma_mag {
+                samples.warnings.extend(super::without_false_uncertainties(sigma, None));
+            }
             Import {
                 format: format.name(),
                 columns: Vec::new(),
@@ -63,8 +67,8 @@ pub fn import(
             }
         }
         Source::Table(format, table) => {
-            let mut import = of_table(path, format, &table, names)?;
             let taken = rows.of_table(&table).map_err(objects)?;
+            let mut import = of_table(path, format, &table, names, taken.keep.as_deref())?;
             if let Some(keep) = taken.keep {
                 let n = keep.iter().filter(|k| **k).count();
                 import.samples.notes.push(format!(
@@ -89,10 +93,6 @@ pub fn import(
             super::without_words_for_none(standard);
         }
     }
-    if let Some(sigma) = &mut samples.sigma_mag {
-        // Of fluxes it was told already.
-        samples.warnings.extend(super::without_false_uncertainties(sigma));
-    }
     let repeated = samples.repeated();
     if repeated > 0 {
         samples.notes.push(format!(
@@ -108,6 +108,7 @@ fn of_table(
     format: &'static str,
     table: &Table,
     names: &ColumnNames,
+    taken: Option<&[bool]>,
 ) -> Result<Import, ParseError> {
     let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
     let lacks = |expected: &str| {
@@ -134,24 +135,26 @@ fn of_table(
     samples.notes.extend(note);
     if let Some(name) = names.sigma_of(table, of_flux) {
         columns.push(("standard uncertainty", name.to_owned()));
-        samples.sigma_mag = Some(numbers(name)?);
+        let mut sigma = numbers(name)?;
+        samples.warnings.extend(super::without_false_uncertainties(&mut sigma, taken));
+        samples.sigma_mag = Some(sigma);
     }
     if of_flux {
         samples.is_relative = true;
         let flux = std::mem::take(&mut samples.magnitude);
-        let mut sigma = samples.sigma_mag.take();
-        samples.warnings.extend(sigma.as_mut().and_then(|s| super::without_false_uncertainties(s)));
+        let sigma = samples.sigma_mag.take();
         let magnitude = |f: f64| if f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
         let to_mag = 2.5 / std::f64::consts::LN_10;
         let share = |(s, f): (&f64, &f64)| if *f > 0.0 { to_mag * s / f } else { f64::NAN };
         samples.magnitude = flux.iter().map(|f| magnitude(*f)).collect();
         samples.sigma_mag = sigma.as_ref().map(|s| s.iter().zip(&flux).map(share).collect());
-        let is_dark = |f: &f64| *f <= 0.0;
-        if let Some(first) = flux.iter().position(is_dark) {
-            let n = flux.iter().filter(|f| is_dark(f)).count();
+        let is_taken = |row: usize| taken.is_none_or(|t| t[row]);
+        let own = || (0..flux.len()).filter(|row| is_taken(*row));
+        if let Some(first) = own().find(|row| flux[*row] <= 0.0) {
+            let n = own().filter(|row| flux[*row] <= 0.0).count();
             samples.warnings.push(format!(
                 "fluxes that are not above 0: {n} of {} (the first: {} in row {}); they are kept as fluxes, have no magnitude, and are left out where magnitudes are written (--tdm, --alcdef)",
-                flux.len(),
+                own().count(),
                 flux[first],
                 first + 1
             ));

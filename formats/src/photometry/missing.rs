@@ -33,19 +33,24 @@ pub fn without_words_for_none(magnitudes: &mut [f64]) -> Option<String> {
     })
 }
 
-/// Makes NaN of uncertainties that are none (0, below 0 or infinite), and returns the warning that names the first of their rows, counted from 1. NaN stands for "not stated" already.
-pub fn without_false_uncertainties(sigma: &mut [f64]) -> Option<String> {
-    let is_false = |s: f64| s <= 0.0 || s.is_infinite();
-    let first = sigma.iter().position(|s| is_false(*s))?;
-    let value = sigma[first];
+/// Makes NaN of uncertainties that are none (0, below 0 or infinite), and returns the warning that names the first of their rows, counted from 1. NaN stands for "not stated" already. Give it all rows of
+/// the file, and which of them are taken (`None`: all): the others stay as they are and do not count.
+pub fn without_false_uncertainties(sigma: &mut [f64], taken: Option<&[bool]>) -> Option<String> {
+    let is_taken = |row: usize| taken.is_none_or(|t| t.get(row).copied().unwrap_or(false));
+    let of = (0..sigma.len()).filter(|row| is_taken(*row)).count();
+    let mut found = None;
     let mut lost = 0;
-    for s in sigma.iter_mut().filter(|s| is_false(**s)) {
-        *s = f64::NAN;
-        lost += 1;
+    for (row, s) in sigma.iter_mut().enumerate() {
+        if is_taken(row) && (*s <= 0.0 || s.is_infinite()) {
+            found.get_or_insert((row, *s));
+            *s = f64::NAN;
+            lost += 1;
+        }
     }
+    let (first, value) = found?;
     Some(format!(
         "uncertainties that are not above 0 and finite: {lost} of {} (the first: {value} in row {}); these rows count as rows without one",
-        sigma.len(),
+        of,
         first + 1
     ))
 }

@@ -278,7 +278,12 @@ impl CurveFile {
             Some(name) => Some(table.f64(name)?.into_owned()),
             None => None,
         };
-        notes.extend(sigma.as_mut().and_then(|s| photometry::without_false_uncertainties(s)));
+        let taken = options.rows.of_table(&table).map_err(objects)?.keep;
+        notes.extend(
+            sigma
+                .as_mut()
+                .and_then(|s| photometry::without_false_uncertainties(s, taken.as_deref())),
+        );
         let (mut flux, mut sigma_flux) = (None, None);
         if is_flux {
             // Fluxes in any unit: their magnitudes have a zero point of their own, and those of 0 or below have none.
@@ -308,7 +313,7 @@ impl CurveFile {
             }
             keep = good;
         }
-        if let Some(own) = options.rows.of_table(&table).map_err(objects)?.keep {
+        if let Some(own) = taken {
             keep.iter_mut().zip(own).for_each(|(k, own)| *k &= own);
         }
         let mut brightness = Brightness::of_rows(path, name, rows.kept(&keep), options)?;
@@ -406,7 +411,8 @@ impl Brightness {
             _ => read.magnitude,
         };
         let mut sigma = read.sigma_mag;
-        let false_sigma = sigma.as_mut().and_then(|s| photometry::without_false_uncertainties(s));
+        let false_sigma =
+            sigma.as_mut().and_then(|s| photometry::without_false_uncertainties(s, None));
         let rows = Rows {
             times: read.time,
             magnitudes,
