@@ -152,6 +152,13 @@ fn messages_are_taken_where_elements_are() {
     assert!(update.status.success(), "{said}");
     assert!(said.contains("some.tle:6: checksum") && said.contains("1 sets, 1 refused"), "{said}");
     assert_eq!(std::fs::read_to_string(folder.path("kept.tle")).unwrap(), format!("GOOD\n{lines}"));
+    // JSON stays JSON, digits for digits.
+    let bad = OMM.replace("0.0001771", "1.0001771");
+    let both = format!("{bad},\n{}]", OMM.trim_start_matches('['));
+    std::fs::write(folder.path("some.json"), both).unwrap();
+    folder.done(&["elements", "update", "--from", "some.json", "-o", "kept.json"]);
+    let kept = std::fs::read_to_string(folder.path("kept.json")).unwrap();
+    assert_eq!(kept.trim(), format!("[\n{}\n]", OMM.trim_start_matches('[').trim()));
     let nothing = ["elements", "update", "--from", "ftp://nowhere", "-o", "copy.json"];
     assert!(folder.refused(1, &nothing).contains("expected http"));
 }

@@ -35,6 +35,8 @@ pub enum Kind {
     FitsTable,
     /// Orbital elements in two lines.
     Elements,
+    /// Orbital elements as messages (OMM) in JSON.
+    ElementsJson,
     /// JSON.
     Json,
     /// A page of the web.
@@ -64,6 +66,7 @@ impl Kind {
             Self::FitsImage => "a frame (FITS image)",
             Self::FitsTable => "a FITS table",
             Self::Elements => "orbital elements (two lines)",
+            Self::ElementsJson => "orbital elements (OMM in JSON)",
             Self::Json => "JSON",
             Self::Html => "a web page (HTML)",
             Self::Picture => "a picture (PNG, JPEG or SVG)",
@@ -96,7 +99,7 @@ impl Kind {
                 "`detect` and `solve` take frames, and `reduce` makes light curves of them"
             }
             Self::FitsTable => "`import` says what is in a table of magnitudes",
-            Self::Elements => "`elements`, `passes` and `track` take elements",
+            Self::Elements | Self::ElementsJson => "`elements`, `passes` and `track` take elements",
             Self::Json => {
                 "it is what `--json` writes; commands read the tables that -o FILE.ecsv writes"
             }
@@ -168,7 +171,7 @@ pub fn of(bytes: &[u8]) -> Option<Kind> {
     {
         // An OMM.
         let is_elements = start.contains("\"MEAN_MOTION\"");
-        return Some(if is_elements { Kind::Elements } else { Kind::Json });
+        return Some(if is_elements { Kind::ElementsJson } else { Kind::Json });
     }
     of_toml(text)
 }
@@ -284,7 +287,7 @@ mod tests {
             (b"# %ECSV 1.0\n# ---\na b\n", Some(Kind::Table)),
             (b"{\"a\": 1}", Some(Kind::Json)),
             (b"[{\"a\": 1}]", Some(Kind::Json)),
-            (b"[{\"OBJECT_NAME\": \"A\", \"MEAN_MOTION\": 15.5}]", Some(Kind::Elements)),
+            (b"[{\"OBJECT_NAME\": \"A\", \"MEAN_MOTION\": 15.5}]", Some(Kind::ElementsJson)),
             (b"time,mag\n1,2\n\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0", None),
             (b"<!DOCTYPE html><html></html>", Some(Kind::Html)),
             (b"\x1f\x8b\x08\x00", Some(Kind::Gzip)),

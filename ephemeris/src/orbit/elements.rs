@@ -140,6 +140,18 @@ fn nothing(path: &Path) -> ParseError {
     ParseError::new(path, "no elements", "at least one set")
 }
 
+/// The sets of a list in JSON that [`parse`] reads, as they stand there; `None` of other texts.
+pub(super) fn good_json(path: impl AsRef<Path>, text: &str) -> Option<String> {
+    if Form::of(text) != Form::Json {
+        return None;
+    }
+    let all: Vec<&serde_json::value::RawValue> =
+        serde_json::from_str(text.trim_start_matches('\u{feff}')).ok()?;
+    let is_good = |raw: &&&serde_json::value::RawValue| parse(path.as_ref(), raw.get()).is_ok();
+    let good: Vec<&str> = all.iter().filter(is_good).map(|raw| raw.get()).collect();
+    Some(format!("[\n{}\n]\n", good.join(",\n")))
+}
+
 /// A text with these sets, which [`parse`] reads back: two lines each where all came from such, else OMM in KVN.
 pub fn text<'a>(sets: impl IntoIterator<Item = &'a Tle> + Clone) -> String {
     let mut text = String::new();

@@ -142,7 +142,11 @@ fn checked(from: &str, text: String, kept_since: Option<Epoch>) -> Result<Fetche
         return Err(UpdateError::NoElements { address: from.to_owned(), reason: Box::new(reason) });
     }
     // A damaged set that is stored would be taken for good by whoever copies the file on.
-    let text = if bad.is_empty() { text } else { elements::text(&good) };
+    let text = if bad.is_empty() {
+        text
+    } else {
+        elements::good_json(from, &text).unwrap_or_else(|| elements::text(&good))
+    };
     Ok(Fetched { text, sets: good.len(), bad, kept_since })
 }
 
