@@ -371,6 +371,10 @@ fn a_tumbling_cylinder_over_six_passes() {
     let holds = |i: &Value, x: f64| number(&i["from"]) <= x && x <= number(&i["to"]);
     assert!(holds(&right["period_s"], 21.7) && holds(&right["drift_per_day"], 0.0), "{found}");
     assert!(found["passes"].as_array().unwrap().len() == 6 && found["reason"].is_null());
+    // Its ends are alike, so that even harmonics have little: that it is long says nothing more.
+    let long = spin(&[&names[..], &["--body", "long"]].concat());
+    assert_eq!((&found["body"], &long["body"]), (&"any".into(), &"long".into()), "{long}");
+    assert!(number(&long["even_share"]) < 0.5 && long["spins"] == found["spins"], "{long}");
     // In another order the same, to the bit.
     let mut turned = names.clone();
     turned.reverse();

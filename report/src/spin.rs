@@ -8,17 +8,23 @@ use std::fmt::Write as _;
 use sunglint_analysis::curves::Curves;
 use sunglint_analysis::map::longitude_latitude;
 use sunglint_analysis::period::verdict::Outcome;
-use sunglint_analysis::spin::{Interval, Spin, SpinFound};
+use sunglint_analysis::spin::{Body, Interval, Spin, SpinFound};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
 
 const DAY_S: f64 = 86_400.0;
+
+/// What would choose between once and twice a turn, where the shape is known.
+const ADVICE: &str =
+    "if the body is long and tumbles across its length (a rocket's stage), say --body long";
 
 /// A spin with the curves that it was found in.
 #[derive(Debug, Clone, Copy)]
 pub struct SpinReport<'a> {
     /// The spin.
     pub found: &'a SpinFound,
+    /// What was known of the body.
+    pub body: Body,
     /// The curves.
     pub curves: &'a Curves,
     /// Warnings that the user should read first.
@@ -71,6 +77,20 @@ impl SpinReport<'_> {
         for spin in &found.spins {
             self.say(spin, &mut text);
         }
+        let _ = match (self.body, found.even_share) {
+            (_, None) => Ok(()),
+            (Body::Any, Some(even)) => writeln!(
+                text,
+                "shape     even harmonics have {:.0} % of the variation; {ADVICE}",
+                100.0 * even
+            ),
+            (Body::Long, Some(even)) => writeln!(
+                text,
+                "shape     a long body (--body long): even harmonics have {:.0} % of the variation, which {}",
+                100.0 * even,
+                if even > 0.5 { "speaks for one repetition a turn" } else { "says nothing here" }
+            ),
+        };
         let agree = found.passes.iter().filter(|p| p.apparent_s.is_some()).count();
         let _ = writeln!(
             text,
@@ -162,6 +182,8 @@ impl SpinReport<'_> {
         json!({
             "verdict": verdict,
             "spins": found.spins.iter().map(spin).collect::<Vec<_>>(),
+            "body": match self.body { Body::Any => "any", Body::Long => "long" },
+            "even_share": found.even_share.map(rounded),
             "reason": found.refused.map(|r| r.to_string()),
             "epoch_utc": (!found.spins.is_empty()).then(|| format_utc(self.time(found.epoch_s), 3)),
             "passes": found.passes.iter().map(|p| json!({
@@ -192,7 +214,9 @@ impl SpinReport<'_> {
             ..Table::default()
         };
         let summary = self.json();
-        for key in ["verdict", "spins", "reason", "epoch_utc", "removed", "inputs"] {
+        for key in
+            ["verdict", "spins", "body", "even_share", "reason", "epoch_utc", "removed", "inputs"]
+        {
             table.meta.insert(key.into(), summary[key].clone());
         }
         table

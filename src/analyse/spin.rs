@@ -4,10 +4,10 @@ use super::curves::CurveArgs;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use sunglint_analysis::period::Options;
-use sunglint_analysis::spin::{SpinOptions, SpinPass, by_pass, find_spin};
+use sunglint_analysis::spin::{Body, SpinOptions, SpinPass, by_pass, find_spin};
 use sunglint_numerics::progress::Progress as _;
 use sunglint_report::spin::SpinReport;
 
@@ -32,9 +32,30 @@ pub struct SpinArgs {
     /// Standard deviation of the drift that is to be expected, as a share of the period a day
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, allow_negative_numbers = true)]
     pub drift: f64,
+    /// What is known of the body: `long` if it is a rocket's stage or otherwise long and tumbles across its length, so that it shows two maxima a turn
+    #[arg(long, value_enum, default_value_t = BodyKind::Any)]
+    pub body: BodyKind,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
+}
+
+/// What is known of a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BodyKind {
+    /// Nothing
+    Any,
+    /// Long, tumbling across its length: two maxima a turn
+    Long,
+}
+
+impl From<BodyKind> for Body {
+    fn from(kind: BodyKind) -> Self {
+        match kind {
+            BodyKind::Any => Self::Any,
+            BodyKind::Long => Self::Long,
+        }
+    }
 }
 
 pub(super) fn run(args: &SpinArgs, console: Console) -> anyhow::Result<()> {
@@ -70,6 +91,7 @@ pub(super) fn run(args: &SpinArgs, console: Console) -> anyhow::Result<()> {
     let options = SpinOptions {
         search: Options { shortest_s: args.shortest, longest_s: args.longest },
         drift_per_day: args.drift,
+        body: args.body.into(),
     };
     let spinner = Bar::new(console);
     spinner.begin(&format!("looking for the spin over {} passes", seen.len()), None);
@@ -78,6 +100,7 @@ pub(super) fn run(args: &SpinArgs, console: Console) -> anyhow::Result<()> {
     for warning in &warnings {
         console.warn(warning);
     }
-    let report = SpinReport { found: &found, curves: &curves, warnings: &warnings };
+    let report =
+        SpinReport { found: &found, body: options.body, curves: &curves, warnings: &warnings };
     args.out.finish(&report.product(), &report.text(), console)
 }

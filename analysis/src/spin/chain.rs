@@ -54,7 +54,14 @@ pub fn of_passes(
     for (k, hz) in &shown {
         found[*k].apparent_s = Some(1.0 / hz);
     }
-    let all = SpinFound { spins: Vec::new(), refused, epoch_s: 0.0, passes: found };
+    let all = SpinFound {
+        spins: Vec::new(),
+        all: Vec::new(),
+        even_share: None,
+        refused,
+        epoch_s: 0.0,
+        passes: found,
+    };
     Ok((all, shown, refused))
 }
 

@@ -1,7 +1,7 @@
 //! Axes, repetitions and slips summed over with their likelihoods; frequency and drift in closed form.
 
 use super::scan::{Peak, Scan};
-use super::{SURE, Spin, SpinOptions};
+use super::{Spin, SpinOptions};
 use glam::DVec3;
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
@@ -124,21 +124,19 @@ impl Posterior {
         (hz > 0.0).then(|| 1.0 / hz)
     }
 
-    /// The spins by repetitions, the likeliest first.
+    /// The spins by repetitions.
     pub fn spins(&self) -> Vec<Spin> {
         let total = log_sum(self.parts.iter().map(|p| p.log_weight));
-        let mut spins: Vec<Spin> = REPEATS
+        REPEATS
             .iter()
             .filter_map(|n| {
                 let weigh = |p: &Part| (p.log_weight - total).exp();
                 let own: Vec<(f64, Part)> =
                     self.parts.iter().filter(|p| p.repeats == *n).map(|p| (weigh(p), *p)).collect();
                 let share: f64 = own.iter().map(|(w, _)| w).sum();
-                (share > 1.0 - SURE).then(|| spin(*n, share, &own))
+                (share > 0.0).then(|| spin(*n, share, &own))
             })
-            .collect();
-        spins.sort_by(|a, b| b.share.total_cmp(&a.share));
-        spins
+            .collect()
     }
 }
 

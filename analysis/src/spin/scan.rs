@@ -170,6 +170,29 @@ impl Scan {
         (hz, top, bend)
     }
 
+    /// Squares that the even harmonics have, and all, at the apparent frequency, without what noise has. `None` where no channel bears two harmonics.
+    fn even_and_all(&self) -> Option<(f64, f64)> {
+        let mut sums = None;
+        for channel in self.channels.iter().filter(|c| c.stretches.amplitudes.len() > 1) {
+            let times = &channel.stretches.time_s;
+            let n = times.len() as f64;
+            let (even, all): &mut (f64, f64) = sums.get_or_insert((0.0, 0.0));
+            for (h, row) in (1_u32..).zip(&channel.stretches.amplitudes) {
+                let turned = row.iter().zip(times).map(|(a, t)| {
+                    let (sin, cos) = (-TAU * f64::from(h) * self.offset_hz * t).sin_cos();
+                    a * Complex::new(cos, sin)
+                });
+                let turned: Vec<Complex<f64>> = turned.collect();
+                let mean = turned.iter().sum::<Complex<f64>>() / n;
+                let about: f64 = turned.iter().map(|a| (a - mean).norm_sqr()).sum();
+                let square = (mean.norm_sqr() - about / (n * (n - 1.0))).max(0.0);
+                *all += square;
+                *even += if h % 2 == 0 { square } else { 0.0 };
+            }
+        }
+        sums.filter(|s| s.1 > 0.0)
+    }
+
     /// Mean turn of the bisector about an axis, Hz; `None` where it meets it.
     pub fn mean_turn_hz(&self, axis: DVec3) -> Option<f64> {
         Some(self.path.turned(axis)?.split().0)
@@ -218,4 +241,11 @@ impl Scan {
             log_likelihood: 0.5 * (gain - best).min(0.0) / alike,
         })
     }
+}
+
+/// Share of the variation that even harmonics have, over some passes; `None` where none bears two harmonics.
+pub fn even_share(scans: &[Scan]) -> Option<f64> {
+    let sums = scans.iter().filter_map(Scan::even_and_all);
+    let (even, all) = sums.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    (all > 0.0).then(|| even / all)
 }
