@@ -55,4 +55,5 @@ mod study;
 mod thesis;
 mod timing;
 mod track;
+mod twilight;
 mod virtual_observatory;

@@ -3,8 +3,8 @@
 //! Two runs over the bins of a night, each in flat memory:
 //!
 //! 1. [`OffTarget::measure`] finds what the channels show beside the targets: sky and dark counts together, piece by piece.
-//! 2. [`Reduction`] turns each bin of a visit into a [`Sample`]: ν = lin(m_on) − lin(m_off), the off-target rate in time between the
-//!    pieces on either side, kept where the target stood in the fibre's field and divided by the coupling there.
+//! 2. [`Reduction`] turns each bin of a visit into a [`Sample`]: ν = lin(m_on) − lin(m_off), the off-target rate between the
+//!    pieces on either side as the camera's sky went ([`SkyLevels`]), or in time, kept where the target stood in the fibre's field and divided by the coupling there.
 //!
 //! [`Curves`] collects samples into a raw and a linear light curve, [`Summary`] counts what each rule did. Nothing is left out without a flag:
 //!
@@ -69,6 +69,7 @@ mod curves;
 mod gate;
 mod off_target;
 mod reduction;
+mod sky_level;
 mod spans;
 
 pub use curves::{ChannelSummary, Curves, Summary};
@@ -77,6 +78,7 @@ pub use off_target::{
     Background, BackgroundSource, Between, OffOptions, OffPiece, OffRate, OffTarget,
 };
 pub use reduction::{ChannelSample, Options, Reduction, Sample};
+pub use sky_level::{SkyLevel, SkyLevels};
 pub use spans::{Away, Seen, Span, Spans, View, away};
 
 use crate::detector::{DetectorError, Linearity};

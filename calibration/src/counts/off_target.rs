@@ -1,5 +1,6 @@
 //! Rates of a channel beside the targets: sky and dark counts, measured together.
 
+use super::sky_level::{Brightness, SkyLevels};
 use super::spans::{Seen, Spans, View};
 use super::{Bin, CountChannel};
 use crate::detector::Linear;
@@ -64,6 +65,8 @@ pub struct OffRate {
 pub struct OffPiece {
     /// Middle of the piece.
     pub time: Epoch,
+    /// Length of the piece, s.
+    pub length_s: f64,
     /// Sky or dark.
     pub view: View,
     /// Rate of each channel; `None` where too few bins were left.
@@ -73,8 +76,10 @@ pub struct OffPiece {
 /// Where a background came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BackgroundSource {
-    /// Off-target pieces before and after.
+    /// Off-target pieces before and after, and on the line between them.
     Between,
+    /// Off-target pieces before and after, and between them as the sky went in the camera's frames.
+    Carried,
     /// One off-target piece, before or after: whatever the sky did since is not known.
     Nearest,
     /// The nearest dark piece: the sky is missing.
@@ -100,7 +105,13 @@ pub struct OffTarget {
     pieces: Vec<OffPiece>,
     options: OffOptions,
     station_hz: Vec<f64>,
+    sky: SkyLevels,
 }
+
+/// Exponents by which a channel's sky may change with the camera's, and both still be the same sky in other colours.
+const EXPONENTS: (f64, f64) = (0.7, 1.4);
+/// A sky changed if its brightness differs by so many standard errors.
+const CHANGED_SIGMAS: f64 = 5.0;
 
 impl OffTarget {
     /// Measures the off-target spans: one run over the bins, which holds one piece at a time.
@@ -136,7 +147,41 @@ impl OffTarget {
         pieces.extend(open.map(|open| open.close(channels, options)));
         pieces.sort_by_key(|piece| piece.time);
         let station_hz = channels.iter().map(|channel| channel.dark_rate_hz).collect();
-        Ok(Self { pieces, options: *options, station_hz })
+        Ok(Self { pieces, options: *options, station_hz, sky: SkyLevels::default() })
+    }
+
+    /// Takes the sky between the pieces from a camera's frames, where they tell it better than the line between the pieces.
+    #[must_use]
+    pub fn carried_by(mut self, sky: SkyLevels) -> Self {
+        self.sky = sky;
+        self
+    }
+
+    /// The rate between two pieces as the sky went in the camera's frames, and its standard uncertainty but for that of the pieces, Hz. The sky of a channel is
+    /// a power of the camera's, which both pieces fix: where twilight changes its colour, both skies change exponentially, each at a rate of its own. Half of the
+    /// difference from a straight line in the camera's brightness is in the uncertainty. `None` where the camera's sky did not change as the channel's did.
+    fn carried(
+        &self,
+        time: Epoch,
+        dark_hz: f64,
+        pieces: [&OffPiece; 2],
+        rates_hz: [f64; 2],
+    ) -> Option<Carried> {
+        (0..self.sky.settings()).find_map(|setting| {
+            let over = |piece: &OffPiece| self.sky.over(setting, piece.time, piece.length_s);
+            let (one, two) = (over(pieces[0])?, over(pieces[1])?);
+            Carried::of(self.sky.at(setting, time)?, [one, two], rates_hz, dark_hz)
+        })
+    }
+
+    /// Rate without light of a channel, Hz: that of the nearest dark piece, else the station's.
+    fn dark_hz(&self, time: Epoch, channel: usize) -> f64 {
+        let of_it = |piece: &OffPiece| Some((piece.time, rate_of(piece, channel)?));
+        let dark = self.pieces.iter().filter(|piece| piece.view == View::Dark).filter_map(of_it);
+        let apart = |at: &Epoch| (*at - time).to_seconds().abs();
+        let nearest = dark.min_by(|a, b| apart(&a.0).total_cmp(&apart(&b.0)));
+        let station_hz = self.station_hz.get(channel).copied().unwrap_or(0.0);
+        nearest.map_or(station_hz, |(_, rate)| rate.rate_hz)
     }
 
     /// The pieces, in the order of time.
@@ -144,43 +189,57 @@ impl OffTarget {
         &self.pieces
     }
 
-    /// The background of a channel, by its number, at a time. Between two pieces the uncertainty holds how far the sky may have left the line: the sag
+    /// The background of a channel, by its number, at a time. Between two pieces it goes as the sky in the camera's frames ([`OffTarget::carried_by`]), or on a line: then the uncertainty holds how far the sky may have left the line: the sag
     /// w(1−w)|Δ| of a parabola that turns at one of them (|Δ|/√12 for [`Between::Constant`]).
     pub fn at(&self, time: Epoch, channel: usize) -> Background {
         let near =
             |piece: &&OffPiece| (piece.time - time).to_seconds().abs() <= self.options.near_s;
-        let rate = |piece: &OffPiece| Some((piece.time, piece.rates.get(channel).copied()??));
         let next = self.pieces.partition_point(|piece| piece.time <= time);
         let nearest = |view: View| {
-            let found = |piece: &OffPiece| (piece.view == view).then(|| rate(piece)).flatten();
-            let before = self.pieces[..next].iter().rev().take_while(near).find_map(found);
-            (before, self.pieces[next..].iter().take_while(near).find_map(found))
+            let found = |piece: &OffPiece| piece.view == view && rate_of(piece, channel).is_some();
+            let before = self.pieces[..next].iter().rev().take_while(near).find(|p| found(p));
+            let after = self.pieces[next..].iter().take_while(near).find(|p| found(p));
+            [before, after].map(|piece| Some((piece?, rate_of(piece?, channel)?)))
         };
-        let single = |(_, rate): (Epoch, OffRate), source| Background {
+        let single = |(_, rate): (&OffPiece, OffRate), source| Background {
             rate_hz: rate.rate_hz,
             sigma_hz: rate.sigma_hz,
             source,
         };
         match nearest(View::Sky) {
-            (Some((t1, one)), Some((t2, two))) => {
-                let part = (time - t1).to_seconds() / (t2 - t1).to_seconds();
+            [Some((before, one)), Some((after, two))] => {
+                let part =
+                    (time - before.time).to_seconds() / (after.time - before.time).to_seconds();
                 let change = two.rate_hz - one.rate_hz;
                 let (w, drift) = match self.options.between {
                     Between::Linear => (part, part * (1.0 - part) * change),
                     Between::Constant => (0.5, change / 12.0_f64.sqrt()),
                 };
-                let parts = [(1.0 - w) * one.sigma_hz, w * two.sigma_hz, drift];
-                Background {
-                    rate_hz: one.rate_hz + w * change,
-                    sigma_hz: parts.iter().map(|part| part * part).sum::<f64>().sqrt(),
-                    source: BackgroundSource::Between,
+                let of = |rate_hz: f64, w: f64, drift: f64, source| {
+                    let parts = [(1.0 - w) * one.sigma_hz, w * two.sigma_hz, drift];
+                    let sigma_hz = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+                    Background { rate_hz, sigma_hz, source }
+                };
+                let line = of(one.rate_hz + w * change, w, drift, BackgroundSource::Between);
+                let changed = change.abs() > CHANGED_SIGMAS * one.sigma_hz.hypot(two.sigma_hz);
+                let is_line = self.options.between == Between::Linear;
+                let dark_hz = self.dark_hz(time, channel);
+                let found = (changed && is_line).then(|| {
+                    let rates_hz = [one.rate_hz, two.rate_hz];
+                    self.carried(time, dark_hz, [before, after], rates_hz)
+                });
+                match found.flatten() {
+                    Some(Carried { rate_hz, part, sigma_hz }) if sigma_hz < drift.abs() => {
+                        of(rate_hz, part, sigma_hz, BackgroundSource::Carried)
+                    }
+                    _ => line,
                 }
             }
-            (Some(one), None) | (None, Some(one)) => single(one, BackgroundSource::Nearest),
-            (None, None) => {
-                let (before, after) = nearest(View::Dark);
-                let apart = |(at, _): &(Epoch, OffRate)| (*at - time).to_seconds().abs();
-                let dark = before.into_iter().chain(after);
+            [Some(one), None] | [None, Some(one)] => single(one, BackgroundSource::Nearest),
+            [None, None] => {
+                let apart =
+                    |(piece, _): &(&OffPiece, OffRate)| (piece.time - time).to_seconds().abs();
+                let dark = nearest(View::Dark).into_iter().flatten();
                 match dark.min_by(|a, b| apart(a).total_cmp(&apart(b))) {
                     Some(dark) => single(dark, BackgroundSource::Dark),
                     None => Background {
@@ -191,6 +250,53 @@ impl OffTarget {
                 }
             }
         }
+    }
+}
+
+/// Rate of a channel in a piece.
+fn rate_of(piece: &OffPiece, channel: usize) -> Option<OffRate> {
+    piece.rates.get(channel).copied().flatten()
+}
+
+/// A rate between two pieces as the camera's sky went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Carried {
+    rate_hz: f64,
+    /// Part of the second piece in it.
+    part: f64,
+    /// Standard uncertainty but for that of the pieces, Hz.
+    sigma_hz: f64,
+}
+
+impl Carried {
+    /// From the camera's sky at a time and in both pieces, and the channel's rates in them.
+    fn of(
+        here: Brightness,
+        [one, two]: [Brightness; 2],
+        [first_hz, last_hz]: [f64; 2],
+        dark_hz: f64,
+    ) -> Option<Self> {
+        let change = two.level - one.level;
+        if change.abs() < CHANGED_SIGMAS * one.sigma.hypot(two.sigma) {
+            return None;
+        }
+        let part = (here.level - one.level) / change;
+        if !(-0.2..=1.2).contains(&part) {
+            return None;
+        }
+        let straight_hz = first_hz + part * (last_hz - first_hz);
+        let exponent =
+            ((last_hz - dark_hz) / (first_hz - dark_hz)).ln() / (two.level / one.level).ln();
+        // NaN where one of them is not above what is seen without light.
+        let is_likely = (EXPONENTS.0..=EXPONENTS.1).contains(&exponent);
+        let power_hz = dark_hz + (first_hz - dark_hz) * (here.level / one.level).powf(exponent);
+        if !(is_likely && power_hz.is_finite()) {
+            return None;
+        }
+        let levels = [here.sigma, (1.0 - part) * one.sigma, part * two.sigma];
+        let noise = levels.iter().map(|sigma| sigma * sigma).sum::<f64>().sqrt() / change.abs();
+        let sigma_hz = (noise * (last_hz - first_hz)).hypot(0.5 * (power_hz - straight_hz));
+        Some(Self { rate_hz: power_hz, part, sigma_hz })
     }
 }
 
@@ -239,10 +345,11 @@ impl Open {
     }
 
     fn close(self, channels: &[CountChannel], options: &OffOptions) -> OffPiece {
-        let time = self.from + Duration::from_seconds(0.5 * (self.to - self.from).to_seconds());
+        let length_s = (self.to - self.from).to_seconds();
+        let time = self.from + Duration::from_seconds(0.5 * length_s);
         let rates = channels.iter().zip(self.channels);
         let rates = rates.map(|(channel, open)| off_rate(channel, open, options));
-        OffPiece { time, view: self.view, rates: rates.collect() }
+        OffPiece { time, length_s, view: self.view, rates: rates.collect() }
     }
 }
 

@@ -251,6 +251,32 @@ impl FrameReducer {
         Ok(detection)
     }
 
+    /// Background of a pixel and its standard error, ADU, of each plane in an annulus about a place; NaN where there is none. The tally stays as it is.
+    ///
+    /// # Errors
+    /// The errors of [`FrameReducer::measure`].
+    pub(crate) fn sky_about(
+        &self,
+        frame: &Frame,
+        place_px: [f64; 2],
+    ) -> Result<Vec<[f64; 2]>, PhotometryError> {
+        let expected = Expected::default();
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration, &expected)?;
+        let aperture = Aperture {
+            centre_px: place_px.into(),
+            radius_px: self.options.aperture_radius_px,
+            trail_px: DVec2::ZERO,
+        };
+        let size = [frame.pixels.ncols(), frame.pixels.nrows()];
+        let setting = setting.within(&aperture, size);
+        let mut look = Look::default();
+        look.at(&reading, &aperture, &setting);
+        let of = |(_, background): &(Plane, Option<super::Background>)| {
+            background.map_or([f64::NAN; 2], |b| [b.level_adu, b.level_sigma_adu])
+        };
+        Ok(look.planes.iter().map(of).collect())
+    }
+
     /// The trail of the aperture: none where it is shorter than half a point's width.
     fn trail(&self, expected: &Expected, seen: DVec2) -> DVec2 {
         let trail = match expected.trail_px.map_or(self.options.trail, Trail::Known) {

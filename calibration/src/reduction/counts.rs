@@ -4,8 +4,8 @@ use super::error::Within as _;
 use super::tags::{Run, TagSummary, Tags};
 use super::{ReduceError, Stay, step};
 use crate::counts::{
-    Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, Span,
-    Spans, Summary, View,
+    Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, SkyLevels,
+    Span, Spans, Summary, View,
 };
 use crate::track::Track;
 use sunglint_formats::FileError;
@@ -86,7 +86,7 @@ pub fn spans(stays: &[Stay], seen_off: &[Span]) -> Spans {
     Spans::new(logged.chain(seen_off.iter().copied()))
 }
 
-/// Reads a counter's bins, twice. Holds the curves of the stays, and a piece of bins. `each` sees every sample as it comes.
+/// Reads a counter's bins, twice. `sky` carries the background between two looks at the sky. Holds the curves of the stays, and a piece of bins. `each` sees every sample as it comes.
 ///
 /// # Errors
 /// A table that cannot be read, a station whose law no detector can have, a stop.
@@ -97,7 +97,7 @@ pub fn counter_night(
     station: &Station,
     fibres: &Fibres,
     spans: &Spans,
-    tracks: &[Track],
+    (tracks, sky): (&[Track], &SkyLevels),
     options: &CountOptions,
     progress: &dyn Progress,
     each: &mut dyn FnMut(&[CountChannel], &Sample),
@@ -116,6 +116,7 @@ pub fn counter_night(
     let run = tags.as_ref().map(Tags::run);
     let mut watched = Watched { bins: open()?, tags: run, progress, passed: 0, stopped: None };
     let off = OffTarget::measure(watched.by_ref(), &channels, spans, &options.off)?;
+    let off = off.carried_by(sky.clone());
     let found = watched.ended()?.map(|(_, found)| found);
     if let (Some(tags), Some(found)) = (&mut tags, found) {
         tags.judge(found);

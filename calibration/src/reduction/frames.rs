@@ -9,6 +9,7 @@ use super::times::{TimeDoubt, Times, move_to_row};
 use super::widths::{Apertures, Looked, Told, Widths, aperture_px, binned, in_frame};
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
+use crate::counts::SkyLevel;
 use crate::photometry::{
     Colour, Desk, Expected, FrameCalibration, FrameMeasurement, FrameReducer, Measured,
     PhotometryError, PhotometryOptions, Scintillation, SigmaParts, Tally,
@@ -54,6 +55,8 @@ pub struct CameraNight {
     pub wings: Vec<Vec<Wings>>,
     /// Focus and background of each stay's frames, in the order of time.
     pub looks: Vec<Vec<FrameLook>>,
+    /// The sky about targets, and in frames beside them where the targets stood before or after.
+    pub sky: Vec<SkyLevel>,
     /// Numbers of what each rule removed.
     pub tally: Tally,
     /// Frames within no stay at a target: sky, dark, on the way.
@@ -293,6 +296,7 @@ pub fn camera_night(
         shown: vec![Vec::new(); stays.len()],
         wings: vec![Vec::new(); stays.len()],
         looks: vec![Vec::new(); stays.len()],
+        sky: Vec::new(),
         tally: Tally::default(),
         outside: 0,
         partly: 0,
@@ -455,10 +459,16 @@ pub fn camera_night(
             background_adu: row.measured.planes.first().map_or(f64::NAN, |p| p.background_adu),
         };
         night.looks[stay] = rows.iter().map(look).collect();
+        night.sky.extend(rows.iter().filter_map(|row| {
+            let planes = row.measured.planes.iter();
+            let planes = planes.map(|plane| [plane.background_adu, plane.background_sigma_adu]);
+            sky_level(row.measured.time, row.measured.exposure_s, row.setting, planes)
+        }));
         night.tracks[stay].points.sort_by_key(|point| point.time);
         night.shown[stay].sort_by_key(|shown| shown.measured.time);
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
+    beside_targets(&files, &stay_of, stays, &reducers, &mut night);
     reducers.finish(&mut night);
     let aperture_px = options.aperture_radius_px;
     let used = apertures.used_px.unwrap_or(Interval { low: aperture_px, high: aperture_px });
@@ -484,6 +494,72 @@ pub fn camera_night(
     }
     night.failed = failed;
     Ok(night)
+}
+
+/// Farthest in time from a target's stay that the sky beside it is measured where the target stood, s.
+const BESIDE_S: f64 = 1800.0;
+
+/// The sky in the frames beside targets, where the target of the nearest stay stood: there the sensor's response is the same.
+fn beside_targets(
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    reducers: &Reducers<'_>,
+    night: &mut CameraNight,
+) {
+    let place = |track: &Track| -> Option<[f64; 2]> {
+        let places = || track.points.iter().filter_map(|point| point.place);
+        let [x, y] = [0, 1].map(|i| median(places().map(|place| place.offset_px[i])));
+        Some([x?, y?])
+    };
+    let places: Vec<Option<[f64; 2]>> = night.tracks.iter().map(place).collect();
+    let apart_s = |a: &Stay, b: &Stay| (a.from - b.to).max(b.from - a.to).to_seconds();
+    let near = |beside: &Stay| {
+        let known = stays.iter().zip(&places).filter_map(|(stay, place)| Some((stay, (*place)?)));
+        let near = known.map(|(stay, place)| (apart_s(stay, beside), place));
+        let near = near.filter(|(apart_s, _)| *apart_s < BESIDE_S);
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, place)| place)
+    };
+    let of_stays: Vec<Option<[f64; 2]>> = stays
+        .iter()
+        .map(|stay| (stay.target.target_kind == TargetKind::Sky).then(|| near(stay)).flatten())
+        .collect();
+    let wanted: Vec<(&FrameFile, [f64; 2])> = (files.iter().zip(stay_of))
+        .filter_map(|(file, stay)| Some((file, of_stays[(*stay)?]?)))
+        .collect();
+    let level = |(file, offset_px): &(&FrameFile, [f64; 2])| {
+        let frame = file.read().ok()?;
+        let taken = Taken::of(&frame);
+        let held = reducers.held.iter().find(|held| held.taken.is_like(&taken))?;
+        let placed = Placed { sensor_px: reducers.options.sensor_px, frame: &frame };
+        let place_px = placed.in_frame(*offset_px);
+        let planes = held.reducer.sky_about(&frame, place_px).ok()?;
+        let time = frame.start + 0.5 * frame.exposure_s * Unit::Second;
+        sky_level(time, frame.exposure_s, reducers.setting(&taken), planes.into_iter())
+    };
+    let found: Vec<SkyLevel> = wanted.par_iter().filter_map(level).collect();
+    night.sky.extend(found);
+}
+
+/// The sky of a frame, all planes together; `None` where one has no background.
+fn sky_level(
+    time: Epoch,
+    exposure_s: f64,
+    setting: usize,
+    planes: impl Iterator<Item = [f64; 2]>,
+) -> Option<SkyLevel> {
+    let (mut level, mut variance) = (0.0, 0.0);
+    for [background_adu, sigma_adu] in planes {
+        level += background_adu;
+        variance += sigma_adu * sigma_adu;
+    }
+    let [level, sigma] = [level, variance.sqrt()].map(|adu| adu / exposure_s);
+    (level.is_finite() && sigma > 0.0 && sigma.is_finite()).then_some(SkyLevel {
+        time,
+        level,
+        sigma,
+        setting,
+    })
 }
 
 /// Choices of a person for the frames of a camera.

@@ -7,7 +7,7 @@ use super::join::join;
 use super::recipe::Recipe;
 use super::sky::Body;
 use super::{ReduceError, Stay};
-use crate::counts::{Away, CountChannel, Sample, Span, away};
+use crate::counts::{Away, CountChannel, Sample, SkyLevels, Span, away};
 use crate::track::Track;
 use hifitime::Unit;
 use serde_json::json;
@@ -177,6 +177,9 @@ pub fn reduce_with(
             "session {root} has no camera: where its targets stood in the fibres is not known, rates are neither gated nor divided by a coupling"
         ));
     }
+    // The camera with the most of it.
+    let sky = cameras.iter().max_by_key(|camera| camera.sky.len());
+    let sky = SkyLevels::new(sky.into_iter().flat_map(|camera| camera.sky.iter().copied()));
     let mut counters = Vec::new();
     for counter in session.counters() {
         let night = counter_night(
@@ -185,7 +188,7 @@ pub fn reduce_with(
             station,
             &options.fibres,
             &spans,
-            &tracks,
+            (&tracks, &sky),
             &counts,
             progress,
             &mut |channels, sample| {

@@ -23,8 +23,12 @@
 //! aerosol_exponent = 1.3
 //!
 //! [sky]
-//! v_mag_per_arcsec2 = 20.5
+//! v_mag_per_arcsec2 = 20.5            # at the night's begin
 //! gradient_per_px = [0.0002, -0.0001]
+//! change_mag_per_h = 0.0              # evenly, in magnitudes: below 0 it grows brighter; twilight has 15 and more
+//! change_of_colour_per_h = 0.0        # of the exponent of λ/550 nm by which its light differs from the Sun's
+//! scatter = 0.0                       # standard deviation of ln of its brightness about that: thin clouds
+//! time_s = 60                         # and their correlation time
 //!
 //! [seeing]
 //! fwhm_arcsec = 2.5                   # at the zenith; grows with airmass^0.6
@@ -202,6 +206,14 @@ section!(
         v_mag_per_arcsec2: f64 = 20.5,
         /// Relative gradient of brightness a pixel to the right and a pixel down, as fractions.
         gradient_per_px: [f64; 2] = [2e-4, -1e-4],
+        /// Change of its brightness, mag/h; below 0 it grows brighter.
+        change_mag_per_h: f64 = 0.0,
+        /// Change of the exponent of λ/550 nm by which its light differs from the Sun's, 1/h.
+        change_of_colour_per_h: f64 = 0.0,
+        /// Standard deviation of the logarithm of its brightness about that.
+        scatter: f64 = 0.0,
+        /// Correlation time of that, s.
+        time_s: f64 = 60.0,
     }
 );
 
@@ -468,6 +480,14 @@ impl Options {
             ("sky.v_mag_per_arcsec2", sky.v_mag_per_arcsec2, (0.0, 60.0, "0 to 60 mag")),
             ("sky.gradient_per_px", sky.gradient_per_px[0], ANY),
             ("sky.gradient_per_px", sky.gradient_per_px[1], ANY),
+            ("sky.change_mag_per_h", sky.change_mag_per_h, (-60.0, 60.0, "-60 to 60 mag/h")),
+            (
+                "sky.change_of_colour_per_h",
+                sky.change_of_colour_per_h,
+                (-60.0, 60.0, "-60 to 60 per hour"),
+            ),
+            ("sky.scatter", sky.scatter, PART),
+            ("sky.time_s", sky.time_s, POSITIVE),
             ("seeing.fwhm_arcsec", seeing.fwhm_arcsec, POSITIVE),
             ("seeing.moffat_beta", seeing.moffat_beta.unwrap_or(2.0), (1.1, 100.0, "1.1 to 100")),
             ("seeing.scatter", seeing.scatter, PART),

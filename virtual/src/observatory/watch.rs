@@ -37,6 +37,10 @@ pub struct Moment {
     pub scintillation: f64,
     /// Share of the light that clouds let through.
     pub clouds: f64,
+    /// Natural logarithm of the sky's brightness over that at the night's begin.
+    pub sky_ln: f64,
+    /// Exponent of λ/550 nm by which the sky's light differs from the Sun's.
+    pub sky_colour: f64,
 }
 
 /// Truth of a frame.
@@ -64,6 +68,7 @@ pub struct Watch {
     pointing: [Wander; 2],
     clouds: Wander,
     seeing: Wander,
+    sky: Wander,
     pattern: Option<Pattern>,
     rates_hz: Vec<Vec<f64>>,
     driven: Option<Driven>,
@@ -81,9 +86,21 @@ impl Watch {
             (wander(0, options.scintillation.time_s), wander(3, options.clouds.time_s));
         let pointing = [1, 2].map(|axis| wander(axis, options.pointing.jitter_time_s));
         let seeing = wander(4, options.seeing.time_s);
+        let sky = wander(5, options.sky.time_s);
         let (pattern, rates_hz, driven) = (None, Vec::new(), None);
         let lamp = Lamp::new(&night.options.lamp);
-        Self { scintillation, pointing, clouds, seeing, night, pattern, rates_hz, driven, lamp }
+        Self {
+            scintillation,
+            pointing,
+            clouds,
+            seeing,
+            sky,
+            night,
+            pattern,
+            rates_hz,
+            driven,
+            lamp,
+        }
     }
 
     /// The look at a night whose telescope is on a mount: that decides where the target stands.
@@ -132,7 +149,19 @@ impl Watch {
             }
         }
         let dark = truth.is_some_and(|truth| truth.visit.target == Target::Dark);
-        Moment { visit, dark, offset_px: offset_px.into(), scintillation, clouds }
+        let (sky_ln, sky_colour) = self.sky_at(time_s);
+        let offset_px = offset_px.into();
+        Moment { visit, dark, offset_px, scintillation, clouds, sky_ln, sky_colour }
+    }
+
+    /// Natural logarithm of the sky's brightness over that at the night's begin, and the exponent of its colour.
+    fn sky_at(&mut self, time_s: f64) -> (f64, f64) {
+        let sky = &self.night.options.sky;
+        let hours = time_s / 3600.0;
+        // A magnitude is ln(100)/5.
+        let even = -0.2 * 100_f64.ln() * sky.change_mag_per_h * hours;
+        let patchy = if sky.scatter > 0.0 { sky.scatter * self.sky.at(time_s) } else { 0.0 };
+        (even + patchy, sky.change_of_colour_per_h * hours)
     }
 
     /// The light on a counter at a moment, Hz, its dark rate not among it; `None` if the channel is no counter.
@@ -238,7 +267,7 @@ impl Watch {
             length_px: 3.0,
             e_per_px: passing.cosmic_ray_e_per_px,
         };
-        let sky = if dark { Sky::default() } else { self.sky() };
+        let sky = if dark { Sky::default() } else { self.sky(middle_s) };
         let scene = Scene { sky, lamp_e: &lamp_e, sources: &sources, spread, cosmic_rays };
         let pattern = match self.pattern.take().filter(|pattern| pattern.fits(exposure)) {
             Some(pattern) => pattern,
@@ -262,11 +291,13 @@ impl Watch {
         (0..exposure.size_px[1]).map(of_row).collect()
     }
 
-    fn sky(&self) -> Sky {
+    fn sky(&mut self, time_s: f64) -> Sky {
         let mut e_per_s = [0.0; 3];
+        let (ln, exponent) = self.sky_at(time_s);
         for channel in &self.night.channels {
-            if let Instrument::Plane { colours, sky_e_per_s } = channel.instrument {
-                colours.iter().for_each(|colour| e_per_s[*colour] = sky_e_per_s);
+            if let Instrument::Plane { colours, sky_e_per_s, sky_colour } = channel.instrument {
+                let here = sky_e_per_s * (ln + sky_colour * exponent).exp();
+                colours.iter().for_each(|colour| e_per_s[*colour] = here);
             }
         }
         Sky { e_per_s, gradient_per_px: self.night.options.sky.gradient_per_px.into() }
@@ -341,13 +372,16 @@ fn mean_place(places: &[DVec2]) -> [f64; 2] {
 }
 
 fn light_hz(night: &Night, channel: usize, moment: &Moment, time_s: f64) -> Option<f64> {
-    let Instrument::Counter { fibre, sky_hz, .. } = &night.channels.get(channel)?.instrument else {
+    let Instrument::Counter { fibre, sky_hz, sky_colour, .. } =
+        &night.channels.get(channel)?.instrument
+    else {
         return None;
     };
     if moment.dark {
         return Some(0.0);
     }
-    let Some(truth) = moment.visit.map(|visit| &night.visits[visit]) else { return Some(*sky_hz) };
+    let sky_hz = sky_hz * (moment.sky_ln + sky_colour * moment.sky_colour).exp();
+    let Some(truth) = moment.visit.map(|visit| &night.visits[visit]) else { return Some(sky_hz) };
     let coupling = fibre.map_or(1.0, |fibre| {
         let [x, y] = moment.offset_px.to_array();
         let q = ((x - fibre.offset_px[0]) / fibre.sigma_px[0]).powi(2)

@@ -54,6 +54,17 @@ fn sky_light(options: &Options) -> Result<Spectrum<Irradiance>, NightError> {
         .map_err(|source| NightError::Light { star: "the sky".into(), source })
 }
 
+/// Exponent of λ/550 nm at which the change of the sky's light with its colour is taken.
+const COLOUR_STEP: f64 = 0.05;
+
+/// Light times a power of λ/550 nm.
+fn tilted(light: &Spectrum<Irradiance>, exponent: f64) -> Option<Spectrum<Irradiance>> {
+    let nm = light.wavelength_nm();
+    let values =
+        nm.iter().zip(light.value()).map(|(nm, value)| value * (nm / 550.0).powf(exponent));
+    Spectrum::new(nm.to_vec(), values.collect()).ok()
+}
+
 pub(super) fn channel_truth(
     options: &Options,
     station: &Station,
@@ -61,7 +72,13 @@ pub(super) fn channel_truth(
     number: u64,
 ) -> Result<ChannelTruth, NightError> {
     let kappa = options.kappa.get(&channel.name).copied().or(channel.typical_kappa).unwrap_or(1.0);
-    let per_arcsec2 = station.rate_hz(channel, &sky_light(options)?, None).value / kappa;
+    let light = sky_light(options)?;
+    let rate_hz = |light: &Spectrum<Irradiance>| station.rate_hz(channel, light, None).value;
+    let per_arcsec2 = rate_hz(&light) / kappa;
+    let [bluer, redder] = [-COLOUR_STEP, COLOUR_STEP]
+        .map(|exponent| tilted(&light, exponent).map_or(f64::NAN, |tilted| rate_hz(&tilted)));
+    let colour = (redder / bluer).ln() / (2.0 * COLOUR_STEP);
+    let sky_colour = if colour.is_finite() { colour } else { 0.0 };
     let scale = station.camera.as_ref().map_or(1.0, |camera| camera.pixel_scale_arcsec);
     let instrument = match &channel.detector {
         station::Detector::Counter(counter) => {
@@ -73,6 +90,7 @@ pub(super) fn channel_truth(
                 detector: detector(options, channel, counter)?,
                 fibre: counter.fibre,
                 sky_hz: per_arcsec2 * field,
+                sky_colour,
                 seed: seed_of(options.seed, Purpose::Part, number),
             }
         }
@@ -84,7 +102,11 @@ pub(super) fn channel_truth(
                 Plane::B => &[2],
                 Plane::L => &[0, 1, 2],
             };
-            Instrument::Plane { colours, sky_e_per_s: per_arcsec2 * gain * scale * scale }
+            Instrument::Plane {
+                colours,
+                sky_e_per_s: per_arcsec2 * gain * scale * scale,
+                sky_colour,
+            }
         }
     };
     Ok(ChannelTruth { name: channel.name.clone(), kappa, instrument })

@@ -40,8 +40,10 @@ pub enum Instrument {
         detector: Detector,
         /// Fibre's field; all of the light without it.
         fibre: Option<Fibre>,
-        /// Sky's light that arrives, Hz.
+        /// Sky's light that arrives at the night's begin, Hz.
         sky_hz: f64,
+        /// Change of its logarithm for each unit of the exponent of λ/550 nm.
+        sky_colour: f64,
         /// Seed of its own chance.
         seed: u64,
     },
@@ -51,6 +53,8 @@ pub enum Instrument {
         colours: &'static [usize],
         /// Sky's light that arrives on one of its pixels, e/s.
         sky_e_per_s: f64,
+        /// Change of its logarithm for each unit of the exponent of λ/550 nm.
+        sky_colour: f64,
     },
 }
 
