@@ -1,5 +1,6 @@
 //! All tests of this crate: one program, so that one is linked.
 
+mod few_rates;
 mod focus;
 mod goto;
 mod mounting;

@@ -198,6 +198,12 @@ pub fn plan_text(plan: &PassPlan, mount: &str) -> String {
         }
         None => text.push_str("; the mount takes no rates: it cannot follow\n"),
     }
+    if let Some(ripple) = plan.ripple_arcsec {
+        let _ = writeln!(
+            text,
+            "  the mount takes a few rates only: up to {ripple:.0} arcsec beside the target on each axis"
+        );
+    }
     if let Some(Axes { first: a, second: b }) = plan.slew_deg {
         let over = if plan.detour { ", over another place to keep off the Sun" } else { "" };
         let _ = writeln!(text, "  slew by {} {a:.1}°, {} {b:.1}°{over}", names[0], names[1]);

@@ -336,7 +336,11 @@ impl<T: Bytes> Mount<T> {
     /// Moves both axes there and back, and gives the senses.
     fn try_axes(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<[f64; 2], DeviceError> {
         let (rate, time) = self.settings.test_move;
-        let most = self.abilities.continuous_deg_s().unwrap_or_default();
+        let most = self.abilities.fastest_deg_s().unwrap_or_default();
+        let rate = match &self.abilities.rates {
+            MountRates::Discrete { deg_s } => test_rate_deg_s(deg_s, rate)?,
+            _ => rate,
+        };
         let slept = |expired| DeviceError::expired(DEVICE, "a short move", expired);
         let start = self.place(deadline)?;
         let near_pole = both(start.1)[1] > 80.0;
@@ -371,6 +375,19 @@ impl<T: Bytes> Mount<T> {
         }
         Ok(senses)
     }
+}
+
+/// Rates of a short move of a mount that has a few rates only, deg/s: slower ones are lost in what it reads, faster ones lead it away.
+const TEST_DEG_S: (f64, f64) = (0.01, 1.5);
+
+/// The rate nearest to one, in proportion, of those that a short move may have, deg/s.
+fn test_rate_deg_s(steps: &[f64], wanted: f64) -> Result<f64, DeviceError> {
+    let fit = steps.iter().copied().filter(|rate| (TEST_DEG_S.0..=TEST_DEG_S.1).contains(rate));
+    let off = |rate: f64| (rate / wanted).ln().abs();
+    fit.min_by(|a, b| off(*a).total_cmp(&off(*b))).ok_or(DeviceError::NotReady {
+        device: DEVICE,
+        reason: "none of its rates (AxisRates) lies between 0.01 and 1.5 deg/s: which way its axes turn cannot be tried",
+    })
 }
 
 /// The error of a command. A mount that is parked was parked by somebody else.
@@ -443,14 +460,19 @@ fn abilities<T: Bytes>(
         least[axis] = slowest;
         most[axis] = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
         continuous &= slowest <= SLOWEST_DEG_S && is_gapless(&ranges);
-        if axis == 0 {
-            steps = ranges.iter().map(|range| range[1]).collect();
-            steps.sort_by(f64::total_cmp);
+        let mut of_axis: Vec<f64> = ranges.iter().map(|range| range[1]).collect();
+        of_axis.sort_by(f64::total_cmp);
+        of_axis.dedup();
+        if axis == 1 {
+            // Both axes are sent the same rates.
+            of_axis.retain(|rate| steps.contains(rate));
         }
+        steps = of_axis;
     }
     let rates = match (moves, continuous) {
         (false, _) => MountRates::Absent,
         (true, true) => MountRates::Continuous { most_deg_s: most.into() },
+        (true, false) if steps.is_empty() => MountRates::Absent,
         (true, false) => MountRates::Discrete { deg_s: steps },
     };
     let parks = session.can("canpark", deadline)? && session.can("canunpark", deadline)?;
@@ -572,8 +594,8 @@ impl<T: Bytes> device::Mount for Mount<T> {
 
     fn learn_senses(&mut self, beat: &dyn Fn(), deadline: &Deadline) -> Result<(), DeviceError> {
         self.senses = None;
-        if self.abilities.continuous_deg_s().is_none() {
-            let reason = "it takes no continuous rates (MoveAxis): send it to places";
+        if self.abilities.fastest_deg_s().is_none() {
+            let reason = "it takes no rates (MoveAxis): send it to places";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
         // Rates count against the ground then.
@@ -599,7 +621,7 @@ impl<T: Bytes> device::Mount for Mount<T> {
             let reason = "it is not known which way its axes turn on this side of the pier: learn it after a goto";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         };
-        let most = self.abilities.continuous_deg_s().unwrap_or_default();
+        let most = self.abilities.fastest_deg_s().unwrap_or_default();
         for (axis, asked) in deg_s.into_iter().enumerate() {
             if !asked.is_finite() || asked.abs() > most[axis] {
                 let (name, most) = ("rate, deg/s", most[axis]);

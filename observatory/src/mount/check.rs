@@ -7,7 +7,7 @@ use crate::opener::Opener;
 use crate::plan::{NightClock, Plan};
 use crate::preflight::{Preflight, PreflightOptions};
 use crate::telescope::{
-    Certainty, Guard, PassPlan, SunCone, TargetPath, Weather, WeatherFile, angles,
+    Certainty, Guard, PassPlan, SunCone, TargetPath, Weather, WeatherFile, angles, ripple_arcsec,
 };
 use hifitime::{Epoch, Unit};
 use std::sync::Arc;
@@ -25,6 +25,9 @@ pub(super) const REFRACTS: &str =
 
 /// Rate that every mount has, deg/s: it follows the stars.
 const STARS_DEG_S: f64 = 0.05;
+
+/// Rate up to which it is said how far a mount of a few rates is beside its target, deg/s: low satellites are as fast.
+const FAST_DEG_S: f64 = 1.0;
 
 /// Answers of a mount that was asked.
 struct Said {
@@ -127,12 +130,16 @@ pub(crate) fn check_mount(
         if said.abilities.refracts == Some(true) && mount.refraction {
             found.warning(about, REFRACTS);
         }
-        if said.abilities.continuous_deg_s().is_none() {
-            let has = match said.abilities.rates {
-                MountRates::Discrete { .. } => "a few rates",
-                _ => "no rates",
-            };
-            found.error(about, format!("it takes {has}, no continuous ones: it follows nothing"));
+        if said.abilities.fastest_deg_s().is_none() {
+            found.error(about, "it takes no rates: it follows nothing");
+        }
+        if let Some(ripple) =
+            ripple_arcsec(&said.abilities, FAST_DEG_S, mount.track_options().period_s)
+        {
+            found.warning(
+                about,
+                format!("it takes a few rates only: up to {FAST_DEG_S}°/s it is beside its target by up to {ripple:.0}″ on each axis, for it goes to and fro between two rates"),
+            );
         }
         if said.abilities.tells_pier_side
             && mount.camera.is_some()

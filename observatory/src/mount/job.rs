@@ -46,7 +46,7 @@ pub struct Job {
     pub visit: Slot,
     /// When it ends for the mount.
     pub to: Epoch,
-    /// For the sky: the visit beside which it is, and whether that one came before.
+    /// For the sky: the visit beside which it is, the nearer one in time, and whether that one came before.
     pub beside: Option<(Slot, bool)>,
 }
 
@@ -70,8 +70,18 @@ pub fn next_job(
     let has_place =
         |slot: &&Slot| matches!(slot.target.target_kind, TargetKind::Star | TargetKind::Satellite);
     let beside = (visit.target.target_kind == TargetKind::Sky).then(|| {
-        let before = visits[..at].iter().rev().find(has_place).map(|slot| (slot.clone(), true));
-        before.or_else(|| visits[at..].iter().find(has_place).map(|slot| (slot.clone(), false)))
+        let before = visits[..at].iter().rev().find(has_place);
+        let after = visits[at..].iter().find(has_place);
+        // The nearer one in time: a look at the sky before a pass is where that begins.
+        let since_s = |slot: &Slot| slot.to.map_or(0.0, |to| (visit.from - to).to_seconds());
+        let until_s =
+            |slot: &Slot| visit.to.map_or(f64::INFINITY, |to| (slot.from - to).to_seconds());
+        match (before, after) {
+            (Some(before), Some(after)) if until_s(after) < since_s(before) => Some((after, false)),
+            (Some(before), _) => Some((before, true)),
+            (None, after) => after.map(|after| (after, false)),
+        }
+        .map(|(slot, came_before)| (slot.clone(), came_before))
     });
     (to > now).then(|| Job { visit, to, beside: beside.flatten() })
 }

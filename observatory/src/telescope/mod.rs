@@ -36,6 +36,7 @@ pub use model::{
 };
 pub use park::{PARK_WITHIN, Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
+pub(crate) use plan::ripple_arcsec;
 pub use plan::{Keyhole, PassPlan};
 pub use safety::{Certainty, Danger, Guard, SunCone, SunNow, sun};
 pub use search::{Glance, Light, Lights, SearchOptions};

@@ -78,6 +78,16 @@ impl Keyhole {
     }
 }
 
+/// Largest distance from its target, arcsec on each axis, of a mount that takes a few rates only and is switched each `period_s` between the two that are next to what a target of up to this rate asks for: half of the way that
+/// the widest gap between them makes in that time. `None` of other mounts.
+pub(crate) fn ripple_arcsec(
+    abilities: &MountAbilities,
+    up_to_deg_s: f64,
+    period_s: f64,
+) -> Option<f64> {
+    Some(0.5 * abilities.step_deg_s(up_to_deg_s)? * period_s * 3600.0)
+}
+
 /// Plan of a pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -100,6 +110,8 @@ pub struct PassPlan {
     pub fastest_deg_s: Axes,
     /// Largest rates of the mount, deg/s, where it takes rates.
     pub mount_deg_s: Option<Axes>,
+    /// Largest distance from the target of a mount that takes a few rates only, arcsec on each axis: it goes to and fro between two of them.
+    pub ripple_arcsec: Option<f64>,
     /// Way of the two axes from where the mount stands to the beginning, deg.
     pub slew_deg: Option<Axes>,
     /// Whether the way to the beginning goes over another place, to keep off the Sun.
@@ -188,6 +200,7 @@ impl PassPlan {
             highest_deg: highest,
             fastest_deg_s: fastest.into(),
             mount_deg_s,
+            ripple_arcsec: ripple_arcsec(abilities, fastest[0].max(fastest[1]), options.period_s),
             slew_deg: stands_deg
                 .map(|stands| [wrapped(begin_deg[0] - stands[0]), begin_deg[1] - stands[1]].into()),
             detour,
