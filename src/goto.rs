@@ -1,9 +1,9 @@
 //! `sunglint goto`: the telescope at a place on the sky, corrected by where its frames look.
 
 use crate::interrupt::{Hangup, listen};
+use crate::mount::{MountArgs, OPEN};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
-use crate::track;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use glam::DVec2;
@@ -11,18 +11,19 @@ use hifitime::Epoch;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
+use sunglint_calibration::field_stars::solve_field::SolveField;
 use sunglint_calibration::field_stars::solver::{Hint, Solver};
 use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{Camera, Mount, MountMotion, MountSite};
+use sunglint_drivers::device::{Camera, Mount, MountMotion};
 use sunglint_formats::Frame;
 use sunglint_formats::text::counted;
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
     Certainty, Gone, Goto, GotoError, GotoOptions, GotoTarget, Guard, Light, Lights, Looks,
-    PointingModel, SearchOptions, SunCone, TargetPath, TrackError, TrackStep, direction,
+    PointingModel, SearchOptions, TargetPath, TrackError, TrackStep, direction,
 };
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
 use sunglint_radiometry::station::Station;
@@ -33,6 +34,8 @@ use sunglint_report::track::step_text;
 const BEAT: Duration = Duration::from_millis(100);
 /// Corrections after a search at most.
 const SEARCH_ROUNDS: usize = 8;
+/// Lowest altitude, deg, where nothing is said.
+const LOWEST_DEG: f64 = 10.0;
 /// Longest exposure, s.
 pub(crate) const LONGEST_S: f64 = 120.0;
 
@@ -75,6 +78,9 @@ pub struct GotoArgs {
     /// A list of stars for fields narrower than 15° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
     #[arg(long, value_name = "FILE", requires = "solve")]
     pub catalogue: Option<PathBuf>,
+    /// Ask astrometry.net's program in place of a list, as `solve --solve-field` does
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", requires = "solve", conflicts_with = "catalogue")]
+    pub solve_field: Option<PathBuf>,
     /// Distance from the frame's middle at which it is good, arcsec
     #[arg(long, value_name = "ARCSEC", default_value_t = 30.0, requires = "camera")]
     pub within: f64,
@@ -90,24 +96,9 @@ pub struct GotoArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// Lowest altitude, degrees; the station's horizon may ask for more
-    #[arg(long, value_name = "DEG", default_value_t = 10.0)]
-    pub min_elevation: f64,
-    /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
-    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
-    pub sun_limit: f64,
-    /// Facts that are known of the mount.
+    /// What keeps the mount safe.
     #[command(flatten)]
-    pub known: track::KnownArgs,
-    /// The mount's own software lifts places by refraction: leave that to it
-    #[arg(long)]
-    pub no_refraction: bool,
-    /// You know that this computer's clock is right, though nothing says so
-    #[arg(long)]
-    pub trust_clock: bool,
-    /// Tell the mount the station's site, and UTC, first
-    #[arg(long)]
-    pub set_site: bool,
+    pub safe: MountArgs,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -122,8 +113,6 @@ impl GotoArgs {
         };
         within("exposure-s", self.exposure_s, 1e-4, LONGEST_S)?;
         within("within", self.within, 1.0, 36_000.0)?;
-        within("min-elevation", self.min_elevation, 0.0, 89.0)?;
-        within("sun-limit", self.sun_limit, 10.0, 90.0)?;
         within("search", self.search.unwrap_or(0.5), 0.001, 5.0)?;
         within("least-flux", self.least_flux.unwrap_or(1.0), 1e-3, 1e12)?;
         within("camera-angle", self.camera_angle.unwrap_or(0.0), -360.0, 360.0)?;
@@ -136,20 +125,8 @@ impl GotoArgs {
             let text = "--camera: its frames are taken with --solve or --search DEG";
             return Err(Usage(text.into()).into());
         }
-        self.known.known()?;
+        self.safe.check(LOWEST_DEG)?;
         Ok(())
-    }
-
-    fn reach(&self) -> Reach<'_> {
-        Reach {
-            mount: &self.mount,
-            known: &self.known,
-            min_elevation: self.min_elevation,
-            sun_limit: self.sun_limit,
-            no_refraction: self.no_refraction,
-            trust_clock: self.trust_clock,
-            set_site: self.set_site,
-        }
     }
 
     fn eye(&self) -> EyeOptions<'_> {
@@ -157,6 +134,7 @@ impl GotoArgs {
             exposure_s: self.exposure_s,
             width_deg: self.width_deg,
             catalogue: self.catalogue.as_deref(),
+            solve_field: self.solve_field.as_deref(),
         }
     }
 
@@ -185,17 +163,6 @@ impl GotoArgs {
     }
 }
 
-/// Facts that have to be known before a mount is moved.
-pub(crate) struct Reach<'a> {
-    pub mount: &'a str,
-    pub known: &'a track::KnownArgs,
-    pub min_elevation: f64,
-    pub sun_limit: f64,
-    pub no_refraction: bool,
-    pub trust_clock: bool,
-    pub set_site: bool,
-}
-
 /// A mount that may be moved, with what watches over it.
 pub(crate) struct Ready {
     pub mount: Box<dyn Mount>,
@@ -205,28 +172,23 @@ pub(crate) struct Ready {
     pub options: GotoOptions,
 }
 
-impl Reach<'_> {
-    /// Checks what is known of the mount, the site and the clock; starts the watchdog and listens for Ctrl-C.
-    pub fn open(&self, station: &Station, console: Console) -> anyhow::Result<Ready> {
-        let mut mount = track::open(self.mount)?;
-        mount.know(&self.known.known()?);
-        let cone = SunCone::default().with_limit_deg(self.sun_limit);
-        let guard = Guard::of(&station.site, mount.abilities(), cone)
-            .with_horizon(station.horizon.clone(), self.min_elevation);
-        let soon = || Deadline::within(Duration::from_secs(5));
-        if self.set_site {
-            let place = station.site.geodetic();
-            let site = MountSite {
-                latitude_deg: place.latitude_deg,
-                longitude_deg: place.longitude_deg,
-                height_m: place.height_m,
-            };
-            mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
-        }
-        if let Some(doubt) = guard.doubt(mount.as_mut(), &soon())? {
+impl Ready {
+    /// Opens a mount, checks what is known of it, the site and the clock; starts the watchdog and listens for Ctrl-C. `lowest_deg` is the command's lowest altitude where none is given.
+    pub fn of(
+        address: &str,
+        safe: &MountArgs,
+        lowest_deg: f64,
+        station: &Station,
+        console: Console,
+    ) -> anyhow::Result<Self> {
+        let mut mount = safe.open(address)?;
+        let guard = safe.guard(lowest_deg, station, mount.abilities());
+        safe.tell_site(mount.as_mut(), station)?;
+        let soon = Deadline::within(Duration::from_secs(5));
+        if let Some(doubt) = guard.doubt(mount.as_mut(), &soon)? {
             return Err(doubt.into());
         }
-        if !self.trust_clock {
+        if !safe.trust_clock {
             let state = clock::measured();
             Certainty { synchronised: state.synchronised, error_s: state.error_s }.check()?;
         }
@@ -234,11 +196,11 @@ impl Reach<'_> {
         let token = cancel.clone();
         listen(Hangup::Ends, move || token.cancel())?;
         let program = std::env::current_exe().context("cannot find this program")?;
-        let dog = Process::start(&program, self.mount)?;
+        let dog = Process::start(&program, address)?;
         let mut options = GotoOptions::default();
-        options.refraction = track::refracts(self.no_refraction, mount.as_ref(), console);
-        options.track.german = !self.known.fork;
-        Ok(Ready { mount, guard, cancel, dog, options })
+        options.refraction = safe.refracts(mount.as_ref(), console);
+        options.track.german = !safe.fork;
+        Ok(Self { mount, guard, cancel, dog, options })
     }
 }
 
@@ -269,7 +231,7 @@ pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
         return Err(Usage(text.into()).into());
     }
     let Ready { mut mount, guard, cancel, mut dog, mut options } =
-        args.reach().open(&station, console)?;
+        Ready::of(&args.mount, &args.safe, LOWEST_DEG, &station, console)?;
     options.tolerance_arcsec = args.within;
     options.sync = args.sync;
     if args.search.is_some() {
@@ -422,6 +384,7 @@ pub(crate) struct EyeOptions<'a> {
     pub exposure_s: f64,
     pub width_deg: Option<f64>,
     pub catalogue: Option<&'a std::path::Path>,
+    pub solve_field: Option<&'a std::path::Path>,
 }
 
 /// Does something that may take long, with a sign of life now and then.
@@ -456,7 +419,7 @@ impl Sight {
     fn open(address: &str, exposure_s: f64, station: &Station) -> anyhow::Result<Self> {
         let mut address =
             Address::parse(address, &[]).map_err(|error| anyhow!("--camera: {error}"))?;
-        let deadline = Deadline::within(track::OPEN);
+        let deadline = Deadline::within(OPEN);
         let line = address.connect(&deadline)?;
         let camera = match address.open(line, &deadline)? {
             AnyDevice::Camera(camera) => camera,
@@ -536,7 +499,10 @@ impl Eye {
         station: &Station,
     ) -> anyhow::Result<Self> {
         let sight = Sight::open(address, options.exposure_s, station)?;
-        let solver = Solver::new(options.catalogue, None, options.width_deg)?;
+        let solver = match options.solve_field {
+            Some(program) => Solver::by_program(SolveField::new(program), options.width_deg),
+            None => Solver::new(options.catalogue, None, options.width_deg)?,
+        };
         Ok(Self { sight, solver })
     }
 
@@ -565,7 +531,7 @@ impl Eye {
         let looked = looked.map_err(|error| error.to_string())?;
         let Some(solved) = looked.solved else {
             return Err(format!(
-                "its {} sources are no pattern of the list: a longer exposure, a deeper list (--catalogue) or the right width (--width-deg) may help",
+                "its {} sources are no pattern of the list: a longer exposure, a deeper list (--catalogue), another program (--solve-field) or the right width (--width-deg) may help",
                 looked.sources
             ));
         };

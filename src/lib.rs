@@ -56,6 +56,7 @@ pub mod goto;
 pub mod import;
 pub mod interrupt;
 pub mod light;
+pub mod mount;
 pub mod observe;
 pub mod output;
 pub mod page;

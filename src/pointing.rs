@@ -1,9 +1,9 @@
 //! `sunglint pointing`: how a mount shows directions, from frames all over the sky.
 
-use crate::goto::{Eye, EyeOptions, LONGEST_S, Reach, Ready, stop};
+use crate::goto::{Eye, EyeOptions, LONGEST_S, Ready, stop};
+use crate::mount::MountArgs;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
-use crate::track;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use glam::DVec3;
@@ -20,6 +20,8 @@ use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer, Star};
 use sunglint_radiometry::station::Station;
 use sunglint_report::pointing as report;
 
+/// Lowest altitude, deg, where nothing is said.
+const LOWEST_DEG: f64 = 20.0;
 /// Most places.
 const MOST_POINTS: usize = 200;
 /// Places are no higher than this, deg: nearer to the zenith a mount of azimuth and altitude turns about without end.
@@ -51,27 +53,15 @@ pub struct PointingArgs {
     /// A list of stars for fields narrower than 15° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
     #[arg(long, value_name = "FILE")]
     pub catalogue: Option<PathBuf>,
+    /// Ask astrometry.net's program in place of a list, as `solve --solve-field` does
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", conflicts_with = "catalogue")]
+    pub solve_field: Option<PathBuf>,
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// Lowest altitude, degrees; the station's horizon may ask for more
-    #[arg(long, value_name = "DEG", default_value_t = 20.0)]
-    pub min_elevation: f64,
-    /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
-    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
-    pub sun_limit: f64,
-    /// Facts that are known of the mount.
+    /// What keeps the mount safe.
     #[command(flatten)]
-    pub known: track::KnownArgs,
-    /// The mount's own software lifts places by refraction: leave that to it
-    #[arg(long)]
-    pub no_refraction: bool,
-    /// You know that this computer's clock is right, though nothing says so
-    #[arg(long)]
-    pub trust_clock: bool,
-    /// Tell the mount the station's site, and UTC, first
-    #[arg(long)]
-    pub set_site: bool,
+    pub safe: MountArgs,
     /// Write the model to this file too: for `goto --pointing`, `track --pointing` and `pointing` of a plan's `[mount]`
     #[arg(long, value_name = "FILE")]
     pub model_out: Option<PathBuf>,
@@ -92,9 +82,8 @@ pub fn run(args: &PointingArgs, console: Console) -> anyhow::Result<()> {
     };
     within("points", args.points as f64, 3.0, MOST_POINTS as f64)?;
     within("exposure-s", args.exposure_s, 1e-4, LONGEST_S)?;
-    within("min-elevation", args.min_elevation, 5.0, 70.0)?;
-    within("sun-limit", args.sun_limit, 10.0, 90.0)?;
-    args.known.known()?;
+    within("min-elevation", args.safe.lowest_deg(LOWEST_DEG), 5.0, 70.0)?;
+    args.safe.check(LOWEST_DEG)?;
     let station = args.station.get()?;
     let (axes, places) = match &args.table {
         Some(path) => {
@@ -134,22 +123,15 @@ fn measured(
         exposure_s: args.exposure_s,
         width_deg: args.width_deg,
         catalogue: args.catalogue.as_deref(),
+        solve_field: args.solve_field.as_deref(),
     };
     let mut eye = Eye::open(camera, &options, station)?;
-    let reach = Reach {
-        mount: address,
-        known: &args.known,
-        min_elevation: args.min_elevation,
-        sun_limit: args.sun_limit,
-        no_refraction: args.no_refraction,
-        trust_clock: args.trust_clock,
-        set_site: args.set_site,
-    };
-    let Ready { mut mount, guard, cancel, mut dog, mut options } = reach.open(station, console)?;
+    let Ready { mut mount, guard, cancel, mut dog, mut options } =
+        Ready::of(address, &args.safe, LOWEST_DEG, station, console)?;
     // Wherever it looks is a place.
     options.tolerance_arcsec = f64::INFINITY;
     let axes = mount.abilities().axes;
-    let stars = spread(station, args.points, args.min_elevation, axes)?;
+    let stars = spread(station, args.points, args.safe.lowest_deg(LOWEST_DEG), axes)?;
     let mut places = Vec::new();
     let mut ended = None;
     for (k, star) in stars.iter().enumerate() {

@@ -8,6 +8,7 @@ use clap::Args;
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
 use sunglint_calibration::field_stars::blind::{FIELDS_DEG, Solved};
+use sunglint_calibration::field_stars::solve_field::SolveField;
 use sunglint_calibration::field_stars::solver::{Hint, Looked, Solver};
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::fits::Fits;
@@ -27,6 +28,9 @@ pub struct SolveArgs {
     /// The list's column of magnitudes [default: the first that is known]
     #[arg(long, value_name = "COLUMN", requires = "catalogue")]
     pub magnitude: Option<String>,
+    /// Ask astrometry.net's program in place of a list: for fields of 2° to 20° with the index files of Tycho-2 (Debian: astrometry.net, astrometry-data-tycho2)
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", conflicts_with = "catalogue")]
+    pub solve_field: Option<PathBuf>,
     /// Width of the frames on the sky, deg, within 15 % [default: the header's scale, else all widths are tried]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub width_deg: Option<f64>,
@@ -58,7 +62,10 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
     }
     let files = files_of(&args.frames)?;
     let (list, column) = (args.catalogue.as_deref(), args.magnitude.as_deref());
-    let mut solver = Solver::new(list, column, args.width_deg)?;
+    let mut solver = match &args.solve_field {
+        Some(program) => Solver::by_program(SolveField::new(program), args.width_deg),
+        None => Solver::new(list, column, args.width_deg)?,
+    };
     let progress = Bar::new(console);
     let mut frames = Vec::new();
     progress.begin("frames", Some(files.len() as u64));
@@ -84,7 +91,7 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product(&frames)?, &text(&frames), console)?;
     if frames.iter().all(|frame| frame.solved.is_none()) {
         bail!(
-            "no frame was solved: give the width of the frames (--width-deg), a deeper list for a narrow field (--catalogue), and look at `sunglint detect` for what is seen in them"
+            "no frame was solved: give the width of the frames (--width-deg), a deeper list for a narrow field (--catalogue) or another program (--solve-field), and look at `sunglint detect` for what is seen in them"
         );
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! `sunglint track`: a mount follows a satellite, for the eye at the eyepiece.
 
 use crate::interrupt::{Hangup, listen};
+use crate::mount::{self, MountArgs};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
@@ -13,23 +14,22 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
-use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{DeviceError, Mount, MountAxes, MountKnown, MountRates, MountSite};
+use sunglint_drivers::device::{DeviceError, Mount};
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
-    Certainty, Guard, PARK_WITHIN, Parked, PassPlan, PointingModel, SunCone, TargetPath,
-    TrackError, TrackOptions, TrackStep, Tracker, Weather, WeatherFile, park,
+    Certainty, Guard, PARK_WITHIN, Parked, PassPlan, PointingModel, TargetPath, TrackError,
+    TrackOptions, TrackStep, Tracker, Weather, WeatherFile, park,
 };
 use sunglint_observatory::{PreflightOptions, check_pass, clock};
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
-use sunglint_rehearsal::track::{self, Limits, MOUNTS, Rehearsal, VirtualMount};
+use sunglint_rehearsal::track::{self, Limits, Rehearsal, VirtualMount};
 use sunglint_report::track::{TrackReport, plan_text, step_text};
 
-/// How long a mount may take to be opened.
-pub(crate) const OPEN: Duration = Duration::from_secs(30);
+/// Lowest altitude, deg, where nothing is said.
+const LOWEST_DEG: f64 = 10.0;
 
 /// Arguments of `sunglint track`.
 #[derive(Debug, Args)]
@@ -55,15 +55,9 @@ pub struct TrackArgs {
     /// Only says what would be done: slew, flip, keyhole, distance from the Sun; nothing moves
     #[arg(long)]
     pub dry_run: bool,
-    /// Lowest altitude at which the target is followed, degrees; the station's horizon may ask for more
-    #[arg(long, value_name = "DEG", default_value_t = 10.0)]
-    pub min_elevation: f64,
     /// Stops after so many seconds of the pass
     #[arg(long, value_name = "S")]
     pub for_s: Option<f64>,
-    /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
-    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
-    pub sun_limit: f64,
     /// Time from a command to the mount's doing it, s
     #[arg(long, value_name = "S", default_value_t = 0.25)]
     pub latency_s: f64,
@@ -73,21 +67,12 @@ pub struct TrackArgs {
     /// Speed of the mount's slews, degrees a second: how far ahead of the target it is sent when it is turned over; without it that of its rates, 2 at least
     #[arg(long, value_name = "DEG_S")]
     pub slew_deg_s: Option<f64>,
-    /// Facts that are known of the mount.
+    /// What keeps the mount safe.
     #[command(flatten)]
-    pub known: KnownArgs,
+    pub safe: MountArgs,
     /// How much later than predicted the target comes, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub late_s: f64,
-    /// The mount's own software lifts places by refraction: leave that to it
-    #[arg(long)]
-    pub no_refraction: bool,
-    /// You know that this computer's clock is right, though nothing says so
-    #[arg(long)]
-    pub trust_clock: bool,
-    /// Tell the mount the station's site, and UTC, first
-    #[arg(long)]
-    pub set_site: bool,
     /// Park the mount at the end, where the Sun is down
     #[arg(long)]
     pub park: bool,
@@ -103,62 +88,6 @@ pub struct TrackArgs {
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
-}
-
-/// Axes of a mount, as a person names them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum AxesArg {
-    /// Hour angle and declination.
-    Equatorial,
-    /// Azimuth and altitude.
-    Altaz,
-}
-
-/// Facts about a mount that its driver does not tell.
-#[derive(Debug, Args)]
-pub struct KnownArgs {
-    /// The mount is a fork: it never turns over at the meridian, also where its driver tells a side of a pier
-    #[arg(long)]
-    pub fork: bool,
-    /// Axes about which the mount turns [default: those that its driver tells; where it tells none, the ways of both kinds are kept off the Sun]
-    #[arg(long, value_name = "AXES")]
-    pub axes: Option<AxesArg>,
-    /// Fastest rate that its motors do, degrees a second, where its driver publishes more
-    #[arg(long, value_name = "DEG_S")]
-    pub most_rate_deg_s: Option<f64>,
-    /// Slowest rate other than none that it takes, arcsec a second: slower ones are sent as the nearer of the two (EQMOD: 0.76)
-    #[arg(long, value_name = "ARCSEC_S")]
-    pub least_rate_arcsec_s: Option<f64>,
-}
-
-impl KnownArgs {
-    pub(crate) fn known(&self) -> Result<MountKnown, Usage> {
-        let within = |name: &str, value: Option<f64>, least: f64, most: f64| match value {
-            Some(v) if !(least..=most).contains(&v) => {
-                Err(Usage(format!("--{name} is {v}, expected {least} to {most}")))
-            }
-            other => Ok(other),
-        };
-        Ok(MountKnown {
-            axes: self.axes.map(|axes| match axes {
-                AxesArg::Equatorial => MountAxes::Equatorial,
-                AxesArg::Altaz => MountAxes::Horizontal,
-            }),
-            german: self.fork.then_some(false),
-            most_deg_s: within("most-rate-deg-s", self.most_rate_deg_s, 0.01, 100.0)?,
-            least_deg_s: within("least-rate-arcsec-s", self.least_rate_arcsec_s, 0.0, 60.0)?
-                .map(|rate| rate / 3600.0),
-        })
-    }
-}
-
-/// Whether places are lifted by refraction for a mount; where its own software does it, that is said.
-pub(crate) fn refracts(no_refraction: bool, mount: &dyn Mount, console: Console) -> bool {
-    let own = mount.abilities().refracts == Some(true);
-    if own && !no_refraction {
-        console.say("the mount's own software lifts places by refraction: that is left to it");
-    }
-    !no_refraction && !own
 }
 
 /// Arguments of the watchdog's process.
@@ -178,8 +107,6 @@ impl TrackArgs {
                 Err(Usage(format!("--{name} is {value}, expected {least} to {most}")))
             }
         };
-        within("min-elevation", self.min_elevation, 0.0, 89.0)?;
-        within("sun-limit", self.sun_limit, 10.0, 90.0)?;
         within("latency-s", self.latency_s, 0.0, 5.0)?;
         within("past-meridian", self.past_meridian, 0.0, 85.0)?;
         within("slew-deg-s", self.slew_deg_s.unwrap_or(1.0), 0.1, 100.0)?;
@@ -187,7 +114,7 @@ impl TrackArgs {
         within("weather-age-s", self.weather_age_s, 10.0, 3600.0)?;
         within("every", self.every, 0.05, 3600.0)?;
         within("for-s", self.for_s.unwrap_or(1.0), 0.1, 86_400.0)?;
-        self.known.known()?;
+        self.safe.check(LOWEST_DEG)?;
         Ok(())
     }
 
@@ -211,7 +138,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     // A target that comes late is where its elements say that it was before.
     let asked = at - args.late_s * Unit::Second;
     let (from, seconds) =
-        track::next_pass(&orbit, &station, asked, args.min_elevation, args.for_s)?;
+        track::next_pass(&orbit, &station, asked, args.safe.lowest_deg(LOWEST_DEG), args.for_s)?;
     let times = (from, from + seconds * Unit::Second);
     for warning in orbit.warnings(times.0, times.1) {
         console.warn(&warning);
@@ -236,31 +163,17 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
             ahead_s / 3600.0
         );
     }
-    let mut mount = open(&args.mount)?;
-    mount.know(&args.known.known()?);
+    let mut mount = args.safe.open(&args.mount)?;
     let abilities = mount.abilities().clone();
-    if matches!(abilities.rates, MountRates::Discrete { .. }) && !args.dry_run {
-        bail!(
-            "this mount takes a few rates only, which no driver sets yet: it can be sent to places, not follow a satellite"
-        );
-    }
-    let cone = SunCone::default().with_limit_deg(args.sun_limit);
-    let guard = Guard::of(&station.site, &abilities, cone)
-        .with_horizon(station.horizon.clone(), args.min_elevation);
+    let guard = args.safe.guard(LOWEST_DEG, &station, &abilities);
     let soon = || Deadline::within(Duration::from_secs(5));
-    if args.set_site && !args.dry_run {
-        let place = station.site.geodetic();
-        let site = MountSite {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            height_m: place.height_m,
-        };
-        mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
+    if !args.dry_run {
+        args.safe.tell_site(mount.as_mut(), &station)?;
     }
     let doubt = guard.doubt(mount.as_mut(), &soon())?;
     let state = clock::measured();
     let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
-    let doubts = [doubt, certainty.check().err().filter(|_| !args.trust_clock)];
+    let doubts = [doubt, certainty.check().err().filter(|_| !args.safe.trust_clock)];
     let earth = EarthOrientation::embedded();
     let path = TargetPath::new(
         &orbit,
@@ -268,7 +181,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         earth,
         (from, seconds),
         abilities.axes,
-        refracts(args.no_refraction, mount.as_ref(), console),
+        args.safe.refracts(mount.as_ref(), console),
     )?
     .later(args.late_s);
     let path = match args.pointing.as_deref().map(PointingModel::read).transpose()? {
@@ -412,7 +325,7 @@ fn options(args: &TrackArgs) -> TrackOptions {
     if let Some(speed) = args.slew_deg_s {
         options.slew_within_s = options.slew_within_s.max(360.0 / speed + 60.0);
     }
-    options.german = !args.known.fork;
+    options.german = !args.safe.fork;
     options
 }
 
@@ -453,9 +366,12 @@ fn rehearse(
     mount: VirtualMount,
 ) -> anyhow::Result<()> {
     let wanted = Rehearsal {
-        limits: Limits { min_altitude_deg: args.min_elevation, sun_limit_deg: args.sun_limit },
+        limits: Limits {
+            min_altitude_deg: args.safe.lowest_deg(LOWEST_DEG),
+            sun_limit_deg: args.safe.sun_limit,
+        },
         late_s: args.late_s,
-        known: args.known.known()?,
+        known: args.safe.known()?,
         options: options(args),
         only_plan: args.dry_run,
     };
@@ -472,22 +388,6 @@ fn rehearse(
         done.steps.iter().step_by(every).for_each(|step| console.detail(&step_text(step)));
     }
     finish(args, console, &mut report, ended, &done.steps, &done.truth)
-}
-
-/// Opens a mount.
-pub(crate) fn open(address: &str) -> anyhow::Result<Box<dyn Mount>> {
-    let mut address = Address::parse(address, &[]).map_err(|error| {
-        anyhow!(
-            "--mount: {error}; or {} for a rehearsal",
-            MOUNTS.map(|mount| mount.name).join(", ")
-        )
-    })?;
-    let deadline = Deadline::within(OPEN);
-    let line = address.connect(&deadline)?;
-    match address.open(line, &deadline)? {
-        AnyDevice::Mount(mount) => Ok(mount),
-        other => bail!("--mount: this is a {}, no mount", other.kind()),
-    }
 }
 
 /// Lines on stderr while it goes.
@@ -521,7 +421,7 @@ impl Lines {
 /// # Errors
 /// The mount cannot be reached, or not be stopped.
 pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
-    let mut mount = open(&args.mount)?;
+    let mut mount = mount::open(&args.mount)?;
     let (beats, received) = mpsc::channel();
     let by_hand = beats.clone();
     listen(Hangup::Ends, move || {

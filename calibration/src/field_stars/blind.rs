@@ -8,7 +8,7 @@
 //! thus in the frame's place, as in the solutions of other programs.
 
 use super::catalogue::Catalogue;
-use super::matching::{Star, pair, tangent};
+use super::matching::{Pairs, Star, pair, tangent};
 use super::{Source, sources};
 use crate::photometry::field::Field;
 use glam::DVec2;
@@ -32,9 +32,9 @@ const CHANCE: f64 = 1e-7;
 /// Time for one width, ms.
 const TIME_MS: u64 = 4000;
 /// Stars of the list that must be found at least.
-const LEAST_FOUND: usize = 7;
+pub(super) const LEAST_FOUND: usize = 7;
 /// Scatter of the stars in an axis up to which they fit, px.
-const MOST_SCATTER_PX: f64 = 2.0;
+pub(super) const MOST_SCATTER_PX: f64 = 2.0;
 /// Square degrees of the sky.
 const SKY_DEG2: f64 = 41_252.96;
 
@@ -262,6 +262,14 @@ impl Patterns {
         if pairs.of.len() < LEAST_FOUND || pairs.scatter_px > MOST_SCATTER_PX {
             return None;
         }
+        Solved::of(pairs, size_px, solution.prob)
+    }
+}
+
+impl Solved {
+    /// Place of a frame by the pairs of its stars; `chance` is the probability that chance brought them about.
+    pub(super) fn of(pairs: Pairs, size_px: [usize; 2], chance: f64) -> Option<Self> {
+        let middle = size_px.map(|n| 0.5 * (n as f64 - 1.0));
         let wcs = pairs.wcs;
         let centre = wcs.sky(middle.into())?;
         let at = |dx: f64, dy: f64| {
@@ -269,7 +277,7 @@ impl Patterns {
         };
         let (right, up) = (at(1.0, 0.0)?, at(0.0, -1.0)?);
         let scale_deg = (right[0] * up[1] - right[1] * up[0]).abs().sqrt();
-        Some(Solved {
+        Some(Self {
             centre_deg: centre,
             size_deg: size_px
                 .map(|n| 2.0 * (0.5 * n as f64 * scale_deg.to_radians()).atan().to_degrees())
@@ -280,7 +288,7 @@ impl Patterns {
             stars: pairs.of.len(),
             scatter_px: pairs.scatter_px,
             sigma_arcsec: pairs.scatter_px * scale_deg * 3600.0 / (pairs.of.len() as f64).sqrt(),
-            chance: solution.prob,
+            chance,
             wcs,
         })
     }

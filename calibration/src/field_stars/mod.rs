@@ -1,10 +1,11 @@
 //! Stars of a list in a frame: its coordinates, its zero point, the places and magnitudes of what else is in it.
 //!
-//! [`blind`] finds a frame anywhere on the sky, [`solver`] one after the other, [`catalogue`] reads the list, [`matching`] says which source is which star, [`zero_point`] turns them into the frame's zero point. [`in_frame`] does it for one frame.
+//! [`blind`] finds a frame anywhere on the sky, [`solver`] one after the other, [`solve_field`] asks another program, [`catalogue`] reads the list, [`matching`] says which source is which star, [`zero_point`] turns them into the frame's zero point. [`in_frame`] does it for one frame.
 
 pub mod blind;
 pub mod catalogue;
 pub mod matching;
+pub mod solve_field;
 pub mod solver;
 pub mod zero_point;
 

@@ -1,7 +1,8 @@
-//! Places of frames by their stars, one after the other: the patterns are made when the first frame needs them, and again when one of another width comes.
+//! Places of frames by their stars, one after the other, by a list or by another program. The patterns of a list are made when the first frame needs them, and again when one of another width comes.
 
 use super::Catalogue;
 use super::blind::{BlindError, EMBEDDED_DEG, FIELDS_DEG, Patterns, Solved, narrowest_deg};
+use super::solve_field::{SolveField, SolveFieldError};
 use crate::photometry::PhotometryError;
 use crate::photometry::field::{FieldOptions, find};
 use hifitime::Epoch;
@@ -27,6 +28,9 @@ pub enum SolverError {
     /// No patterns for these fields.
     #[error(transparent)]
     Patterns(#[from] BlindError),
+    /// The other program.
+    #[error(transparent)]
+    Program(#[from] SolveFieldError),
     /// Sources cannot be looked for.
     #[error(transparent)]
     Sources(#[from] PhotometryError),
@@ -50,13 +54,26 @@ pub struct Looked {
     pub solved: Option<Solved>,
 }
 
-/// Solver of frames by one list of stars.
+/// Solver of frames by one list of stars, or by another program.
 #[derive(Debug)]
 pub struct Solver {
-    list: Catalogue,
+    by: By,
+    width_deg: Option<f64>,
+}
+
+/// Means of a solver.
+#[derive(Debug)]
+enum By {
+    List(Box<List>),
+    Program(SolveField),
+}
+
+/// A list of stars, and its patterns for fields of the last width.
+#[derive(Debug)]
+struct List {
+    stars: Catalogue,
     is_embedded: bool,
     magnitudes: Vec<f64>,
-    width_deg: Option<f64>,
     patterns: Option<Patterns>,
 }
 
@@ -77,7 +94,13 @@ impl Solver {
             None => Catalogue::embedded()?,
         };
         let magnitudes = list.brightness(magnitude)?;
-        Ok(Self { list, is_embedded, magnitudes, width_deg, patterns: None })
+        let list = List { stars: list, is_embedded, magnitudes, patterns: None };
+        Ok(Self { by: By::List(Box::new(list)), width_deg })
+    }
+
+    /// A solver by the program `solve-field`. `width_deg` is as in [`Solver::new`].
+    pub fn by_program(program: SolveField, width_deg: Option<f64>) -> Self {
+        Self { by: By::Program(program), width_deg }
     }
 
     /// Finds a frame (values in ADU, `[row, column]`; NaN is masked).
@@ -95,6 +118,23 @@ impl Solver {
             2.0 * half.atan().to_degrees()
         });
         let width = self.width_deg.or(by_scale);
+        let told = width.map(|w| (w, WIDTH_TOLERANCE));
+        let field = find(pixels, options)?;
+        let is_trailed = field.star_trails.is_some();
+        let solved = match &mut self.by {
+            By::List(list) => {
+                list.patterns(width, year_of(hint.middle))?.solve(&field, is_trailed, told)
+            }
+            By::Program(program) => program.solve(&field, is_trailed, told)?,
+        };
+        let sources = if is_trailed { field.streaks.len() } else { field.points.len() };
+        Ok(Looked { sources, solved })
+    }
+}
+
+impl List {
+    /// Patterns for frames of this width, deg, in a year.
+    fn patterns(&mut self, width: Option<f64>, year: f64) -> Result<&Patterns, BlindError> {
         let [least, most] = self.widths(width);
         let fits = |p: &Patterns| {
             p.fields_deg().low <= least * 1.001 && p.fields_deg().high >= most * 0.999
@@ -103,15 +143,10 @@ impl Solver {
             Some(patterns) => patterns,
             None => {
                 let fields = Interval::new(least, most);
-                Patterns::new(&self.list, &self.magnitudes, year_of(hint.middle), fields)?
+                Patterns::new(&self.stars, &self.magnitudes, year, fields)?
             }
         };
-        let patterns = self.patterns.insert(patterns);
-        let field = find(pixels, options)?;
-        let is_trailed = field.star_trails.is_some();
-        let solved = patterns.solve(&field, is_trailed, width.map(|w| (w, WIDTH_TOLERANCE)));
-        let sources = if is_trailed { field.streaks.len() } else { field.points.len() };
-        Ok(Looked { sources, solved })
+        Ok(self.patterns.insert(patterns))
     }
 
     /// Widths of field that patterns are made for.
@@ -124,7 +159,7 @@ impl Solver {
             ],
             None if self.is_embedded => EMBEDDED_DEG.to_array(),
             None => {
-                let narrowest = narrowest_deg(self.list.len()).clamp(least, most);
+                let narrowest = narrowest_deg(self.stars.len()).clamp(least, most);
                 [narrowest, (4.0 * narrowest).min(most)]
             }
         }
