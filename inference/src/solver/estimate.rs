@@ -1,11 +1,11 @@
 //! From the minimum to what it means: covariances, intervals, what is not determined.
 
+use super::common::{nights, of_channel};
 use super::normal::{Quadratic, inverse};
 use super::problem::{Problem, State, Which};
 use super::response::Response;
 use super::{Estimate, FitError, IntervalMethod, ParameterKind, Search, Side, Warning};
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
 use sunglint_numerics::bounded::BoundedError;
 
 /// Two-sided 95 % of a normal distribution.
@@ -133,11 +133,10 @@ pub(super) fn estimate(
     let of_calibration = calibration(problem, state, &jacobian, &free, &covariance, scale);
     let response = Response {
         whitener: problem.whitener.clone(),
+        common: problem.common.clone(),
         pull: pull(&jacobian, &free, &covariance, scale, &unit),
         bounds: (0..n).map(|i| (low[i] * unit(i), high[i] * unit(i))).collect(),
     };
-    let total = &covariance + &of_calibration;
-
     // At the minimum nothing pulls on what is free; what a loss other than the square leaves there is no pull.
     let mut gradient = jacobian.tr_mul(&state.residual);
     free.iter().for_each(|i| gradient[*i] = 0.0);
@@ -187,6 +186,12 @@ pub(super) fn estimate(
             }
         }
     }
+    // Beside priors the calibration is in χ², and so in the covariance.
+    let within = problem.common.is_some();
+    if within {
+        covariance -= &of_calibration;
+    }
+    let total = &covariance + &of_calibration;
     let mut estimates = Vec::with_capacity(n);
     for i in 0..n {
         let size = unit(i);
@@ -197,6 +202,12 @@ pub(super) fn estimate(
         };
         let calibrated = of_calibration[(i, i)].max(0.0).sqrt();
         let mut sigma = own.hypot(calibrated);
+        // Of χ² that holds the calibration, half-widths have it.
+        let beside = if within { 0.0 } else { Z95 * calibrated };
+        let ends_of = |ends: [f64; 2]| -> [f64; 2] {
+            let (below, above) = (at[i] - ends[0], ends[1] - at[i]);
+            [(at[i] - below.hypot(beside)).max(low[i]), (at[i] + above.hypot(beside)).min(high[i])]
+        };
         let near = bounded
             || held[i].is_some()
             || at[i] - low[i] < NEAR * sigma
@@ -224,16 +235,12 @@ pub(super) fn estimate(
         let (interval, method) = if undetermined[i] {
             ([low[i] * size, high[i] * size], IntervalMethod::None)
         } else if let Some(ends) = walked {
-            let low = (at[i] - (at[i] - ends[0]).hypot(Z95 * calibrated)).max(low[i]);
-            let high = (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]);
-            ([low * size, high * size], IntervalMethod::Profile)
+            let ends = ends_of(ends);
+            (ends.map(|v| v * size), IntervalMethod::Profile)
         } else if near {
             let ends = profile(&normal, &gradient, &at, &low, &high, i, scale * CHI95)?;
-            let widened = [Side::Low, Side::High].map(|side| match side {
-                Side::Low => (at[i] - (at[i] - ends[0]).hypot(Z95 * calibrated)).max(low[i]),
-                Side::High => (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]),
-            });
-            (widened.map(|v| v * size), IntervalMethod::Profile)
+            let ends = ends_of(ends);
+            (ends.map(|v| v * size), IntervalMethod::Profile)
         } else {
             let ends = [at[i] - Z95 * sigma, at[i] + Z95 * sigma];
             (ends.map(|v| v * size), IntervalMethod::Covariance)
@@ -529,22 +536,12 @@ fn calibration(
 ) -> DMatrix<f64> {
     let n = jacobian.ncols();
     let mut sum = DMatrix::<f64>::zeros(n, n);
-    let mut nights: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    for (p, data) in problem.data.iter().enumerate() {
-        if let Some(calibration) = &data.calibration {
-            nights.entry(calibration.key.as_str()).or_default().push(p);
-        }
-    }
-    for curves in nights.values() {
+    for curves in &nights(problem.data) {
         let Some(of) = problem.data[curves[0]].calibration.as_ref() else { continue };
         let channels = of.covariance.nrows();
         let mut shifts = DMatrix::<f64>::zeros(n, channels);
         for c in 0..channels {
-            let mut change: Vec<_> =
-                state.rates.iter().map(|r| ndarray::Array2::zeros(r.raw_dim())).collect();
-            for p in curves {
-                change[*p].column_mut(c).assign(&state.rates[*p].column(c));
-            }
+            let change = of_channel(&state.rates, curves, c);
             let pull = jacobian.tr_mul(&problem.whitened(&change));
             for i in free {
                 let terms = free.iter().map(|j| covariance[(*i, *j)] / scale * pull[*j]);

@@ -26,6 +26,7 @@
 //! (Huber 1981). What is solved for lies between 0 and its largest value. Where one stands at a bound it has no standard uncertainty, those of the others hold while it stays there, and all intervals
 //! are profiles within the bounds, so that they tell what happens when it leaves. What may be anything between its bounds (χ² rises by less than 3.84 times that factor) keeps the model's own value and is named. Within two standard uncertainties of a bound the interval is where the profile of χ² stays below 3.84 (times that factor).
 
+mod common;
 mod data;
 mod estimate;
 mod normal;

@@ -1,5 +1,6 @@
 //! The fit's sum of squares: what is linear is solved in closed form wherever the rest stands (variable projection: Golub and Pereyra 1973).
 
+use super::common::Common;
 use super::whiten::{PerSample, Whitener};
 use super::{Data, FitError};
 use nalgebra::{DMatrix, DVector};
@@ -155,6 +156,8 @@ pub(super) struct Problem<'a> {
     pub linear: &'a [Linear],
     model: &'a mut dyn Model,
     pub whitener: Whitener,
+    /// Errors of the calibration, where they are in the sum of squares: beside priors.
+    pub common: Option<Common>,
     /// Factors of the rates that go with the weights of a loss; 1 where there are none.
     pub centres: Option<PerSample>,
     /// The linear parameter of each curve's channel and component.
@@ -240,6 +243,7 @@ impl<'a> Problem<'a> {
             linear,
             model,
             whitener,
+            common: None,
             centres: None,
             owner,
             evaluations: 0,
@@ -332,6 +336,14 @@ impl<'a> Problem<'a> {
                         right[epoch.row + j] = *v;
                     }
                 }
+            }
+        }
+        if let Some(common) = &self.common {
+            common.apply(&mut right);
+            for p in 0..count {
+                let mut column = design.column(p).into_owned();
+                common.apply(&mut column);
+                design.set_column(p, &column);
             }
         }
         for (row, known) in (self.whitener.rows..).zip(self.priors()) {
@@ -501,6 +513,15 @@ impl<'a> Problem<'a> {
 
     /// Numbers of all samples that count, whitened; 0 in the rows of priors.
     pub fn whitened(&self, values: &PerSample) -> DVector<f64> {
+        let mut white = self.whitened_alone(values);
+        if let Some(common) = &self.common {
+            common.apply(&mut white);
+        }
+        white
+    }
+
+    /// The same by the samples' own noise alone.
+    fn whitened_alone(&self, values: &PerSample) -> DVector<f64> {
         let mut white = DVector::zeros(self.rows());
         let mut buffer = Vec::new();
         for epoch in &self.whitener.epochs {
@@ -510,5 +531,31 @@ impl<'a> Problem<'a> {
             buffer.iter().enumerate().for_each(|(j, v)| white[epoch.row + j] = *v);
         }
         white
+    }
+
+    /// Puts the errors of the calibration, by the model's rates, into the sum of squares where a parameter has a prior. All variances will be multiplied by `scale`; these are not meant.
+    pub fn with_calibration(&mut self, rates: &PerSample, scale: f64) {
+        self.common = match self.priors().is_empty() {
+            true => None,
+            false => Common::new(self.data, rates, scale, |change| self.whitened_alone(change)),
+        };
+    }
+
+    /// Measured rates less others, those that go with their loss.
+    pub fn left(&self, rates: &PerSample) -> PerSample {
+        let left = self.data.iter().enumerate().map(|(p, curve)| {
+            Array2::from_shape_fn(curve.rate.raw_dim(), |at| {
+                self.centre(p, at) * curve.rate[at] - rates[p][at]
+            })
+        });
+        left.collect()
+    }
+
+    /// The model's rates with the errors of the calibration that the fit finds: what single samples scatter about.
+    pub fn calibrated(&self, rates: &PerSample) -> PerSample {
+        match &self.common {
+            None => rates.clone(),
+            Some(common) => common.found(&self.whitened_alone(&self.left(rates)), rates),
+        }
     }
 }

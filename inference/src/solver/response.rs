@@ -1,8 +1,9 @@
 //! How parameters answer to a change of all data: what an error does that the samples have in common.
 
+use super::common::Common;
 use super::whiten::{PerSample, Whitener};
 use super::{Estimate, Fit, IntervalMethod};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Two-sided 95 % of a normal distribution.
 const Z95: f64 = 1.959_963_984_540_054;
@@ -11,6 +12,7 @@ const Z95: f64 = 1.959_963_984_540_054;
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub whitener: Whitener,
+    pub common: Option<Common>,
     /// Parameters × whitened rows, in the parameters' units; NaN for what stands at a bound or is not determined.
     pub pull: DMatrix<f64>,
     /// Bounds of each parameter.
@@ -20,7 +22,7 @@ pub(super) struct Response {
 impl Response {
     /// How far each parameter moves if the model's rates change by `change`: NaN where it is not known.
     fn shift(&self, change: &PerSample) -> Vec<f64> {
-        let mut sum = vec![0.0; self.pull.nrows()];
+        let mut rows = DVector::zeros(self.pull.ncols());
         let mut white = Vec::new();
         for epoch in &self.whitener.epochs {
             white.clear();
@@ -31,12 +33,12 @@ impl Response {
             };
             white.extend(epoch.channels.iter().map(of));
             epoch.apply(&mut white);
-            for (k, value) in white.iter().enumerate() {
-                let column = self.pull.column(epoch.row + k);
-                sum.iter_mut().zip(column.iter()).for_each(|(sum, pull)| *sum += pull * value);
-            }
+            white.iter().enumerate().for_each(|(k, value)| rows[epoch.row + k] = *value);
         }
-        sum
+        if let Some(common) = &self.common {
+            common.apply(&mut rows);
+        }
+        (&self.pull * rows).iter().copied().collect()
     }
 }
 

@@ -329,13 +329,16 @@ fn settle(
     // On the way to another fit the weights need not be the last word.
     let both = options.purpose == Purpose::Answer;
     for round in 0..rounds(options.purpose) {
-        let (weights, centres) = weights(problem.data, &state.rates, loss).unzip();
+        let (weights, centres) =
+            weights(problem.data, &problem.calibrated(&state.rates), loss).unzip();
         let whitener = Whitener::new(problem.data, Some(&state.rates), weights.as_ref());
         if whitener.rows <= problem.free.len() + problem.linear.len() {
             // All but everything is an outlier: the noise before stays.
             return Ok((state, false));
         }
+        let scale = (state.chi2 / freedom(problem) as f64).max(1.0);
         problem.whitener = whitener;
+        problem.with_calibration(&state.rates, scale);
         problem.centres = centres;
         if matches!(options.purpose, Purpose::Covariance | Purpose::Values) {
             let scale = (state.chi2 / freedom(problem) as f64).max(1.0);
@@ -538,25 +541,21 @@ fn finish(
     let loss = options.loss;
     let data = problem.data;
     let values = search::values(&problem, &best.at);
-    let (weights, centres) = weights(data, &state.rates, loss).unzip();
+    let rates = problem.calibrated(&state.rates);
+    let (weights, centres) = weights(data, &rates, loss).unzip();
     problem.centres = centres;
     // All samples alike from here on, but for those that the loss left out.
     let kept: Option<PerSample> = weights
         .as_ref()
         .map(|all| all.iter().map(|w| w.map(|w| f64::from(u8::from(*w > 0.0)))).collect());
     problem.whitener = Whitener::new(data, Some(&state.rates), kept.as_ref());
-    let alike = problem.evaluate(&values)?;
-    let residual = {
-        let left = data.iter().enumerate().map(|(p, curve)| {
-            Array2::from_shape_fn(curve.rate.raw_dim(), |at| {
-                problem.centre(p, at) * curve.rate[at] - state.rates[p][at]
-            })
-        });
-        let left: PerSample = left.collect();
-        let mut residual = problem.whitened(&left);
+    let left = |problem: &Problem| {
+        let mut residual = problem.whitened(&problem.left(&state.rates));
         problem.add_priors(&values, state.x.as_slice(), &mut residual);
         residual
     };
+    problem.with_calibration(&state.rates, 1.0);
+    let mut residual = left(&problem);
     let chi2 = residual.norm_squared();
     let degrees_of_freedom = freedom(&problem);
     let reduced_chi2 = chi2 / degrees_of_freedom as f64;
@@ -564,7 +563,7 @@ fn finish(
     let factor = match &kept {
         None => reduced_chi2,
         Some(kept) => {
-            let judged = judged(data, &state.rates);
+            let judged = judged(data, &problem.calibrated(&state.rates));
             let each = judged.iter().flatten().zip(kept.iter().flatten());
             let counts = |(j, kept): (&Judged, &f64)| (*kept > 0.0).then_some(j.pull);
             let counted: Vec<f64> = each.filter_map(counts).collect();
@@ -572,6 +571,11 @@ fn finish(
         }
     };
     let scaled_by = factor.max(1.0);
+    if problem.common.is_some() {
+        problem.with_calibration(&state.rates, scaled_by);
+        residual = left(&problem);
+    }
+    let alike = problem.evaluate(&values)?;
     let solution = State { x: state.x, residual, rates: state.rates, ..alike };
     let known = match options.purpose {
         Purpose::Answer => estimate(&mut problem, &values, &solution, scaled_by, true)?,
