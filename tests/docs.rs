@@ -14,6 +14,40 @@ fn read(page: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap()
 }
 
+/// Truth: the figures that the campaigns wrote: each number of `docs/uncertainty.md` stands in the row of its campaign, with the digits that the page has.
+#[test]
+fn the_page_of_uncertainties_is_that_of_the_campaigns() {
+    let page = read("docs/uncertainty.md");
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let plain = |v: f64| format!("{v:.0}");
+    type Written<'a> = &'a dyn Fn(f64) -> String;
+    let figures: [(&str, &str, Written); 15] = [
+        ("faint_pass", "missed_by_95_percent_intervals", &percent),
+        ("faint_pass", "largest_relative_bias", &percent),
+        ("scale_intervals", "intervals_that_miss", &plain),
+        ("attitude", "beyond_the_95_percent_ellipse", &plain),
+        ("tumbling_stages", "period_outside", &plain),
+        ("tumbling_stages", "drift_outside", &plain),
+        ("tumbling_stages", "one_answer", &plain),
+        ("session_periods", "single_in_its_interval", &plain),
+        ("session_periods", "single_right", &plain),
+        ("focus", "outside_95_percent", &plain),
+        ("efficiency_run", "share_of_wavelengths_beyond_2_sigma", &percent),
+        ("efficiency_drift", "share_of_wavelengths_beyond_2_sigma", &percent),
+        ("linearity", "share_outside_95_percent", &percent),
+        ("star_frames", "beyond_two_sigmas", &plain),
+        ("star_frames", "frames", &plain),
+    ];
+    for (name, figure, written) in figures {
+        let file = read(&format!("tests/campaigns/{name}.toml"));
+        let line = file.lines().find_map(|l| l.strip_prefix(figure)?.trim().strip_prefix('='));
+        let text = written(line.unwrap().trim().parse().unwrap());
+        let at = format!("`{name}`");
+        let mut rows = page.lines().filter(|line| line.starts_with('|') && line.contains(&at));
+        assert!(rows.any(|row| row.contains(&text)), "{name}, {figure}: {text} is in no row");
+    }
+}
+
 /// Every command of the README that begins with `sunglint` runs, in the order of the page, in a folder of its own.
 #[test]
 fn the_commands_of_the_readme_run() {
@@ -543,6 +577,9 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "torque",
         "largest_n_m",
         "mean_n_m",
+        // Of a body that has been in space for a while.
+        "ageing",
+        "aged",
         // Of a pass over the zenith.
         "from_s",
         "to_s",
