@@ -440,7 +440,26 @@ fn shadows_count_and_air_presses_ahead() {
     assert!((push.torque_n_m - torque).length() < 1e-12 * truth.length(), "{push:?} {torque}");
 }
 
-/// Truth: Newton: L(t) = L(0) + ∫ T dt, the integral by Simpson's rule along the motion that was found, all five torques on. 1e-9 of L.
+/// The integral of a smooth function with kinks, by Simpson's rule in halves of halves until they agree.
+fn integral(
+    f: &dyn Fn(f64) -> DVec3,
+    (a, b): (f64, f64),
+    [fa, fm, fb]: [DVec3; 3],
+    most: f64,
+) -> DVec3 {
+    let middle = 0.5 * (a + b);
+    let (left, right) = (f(0.5 * (a + middle)), f(0.5 * (middle + b)));
+    let whole = (b - a) / 6.0 * (fa + 4.0 * fm + fb);
+    let halves = (b - a) / 12.0 * (fa + 4.0 * left + 2.0 * fm + 4.0 * right + fb);
+    let off = (halves - whole) / 15.0;
+    if off.length() < most || b - a < 1e-5 {
+        return halves + off;
+    }
+    integral(f, (a, middle), [fa, left, fm], 0.7 * most)
+        + integral(f, (middle, b), [fm, right, fb], 0.7 * most)
+}
+
+/// Truth: Newton: L(t) = L(0) + ∫ T dt, the integral by Simpson's rule along the motion that was found, in steps that become small at the edges of shadows, all five torques on.
 #[test]
 fn momentum_is_the_integral_of_all_torques() {
     let model = Target::built_in("box_wing").unwrap();
@@ -470,8 +489,8 @@ fn momentum_is_the_integral_of_all_torques() {
     let omega = DVec3::new(0.02, 0.05, 0.03);
     let begin = from(omega, euler_zyx(1.0, 0.2, 0.3));
     let length_s = 1000.0;
-    // The edges of shadows are kinks of the torque, for Simpson's rule and for the steps alike: with them 1e-8, without them 1e-9 of L.
-    for (skin, most) in [(false, 1e-9), (true, 1e-8)] {
+    // The edges of shadows are kinks of the torque, which the steps of the motion do not look for: with them 1e-8 (4.5e-9 is found), without them 1e-9 of L.
+    for (skin, limit) in [(false, 1e-9), (true, 1e-8)] {
         let mut body = body.clone();
         if !skin {
             (body.radiation, body.drag) = (false, None);
@@ -482,18 +501,20 @@ fn momentum_is_the_integral_of_all_torques() {
             let all: DVec3 = body.torques(&motion, &around.at(t)).unwrap().into_iter().sum();
             motion.body_to_gcrs * all
         };
-        let (steps, mut sum) = (2000, DVec3::ZERO);
+        let (steps, mut sum) = (500, DVec3::ZERO);
         let h = length_s / f64::from(steps);
+        let most = 1e-12 * driven.motion(0.0).unwrap().momentum.length();
         for i in 0..steps {
             let t = h * f64::from(i);
-            sum += h / 6.0 * (torque(t) + 4.0 * torque(t + 0.5 * h) + torque(t + h));
+            let ends = [t, t + 0.5 * h, t + h].map(torque);
+            sum += integral(&torque, (t, t + h), ends, most);
         }
         let (first, last) = (driven.motion(0.0).unwrap(), driven.motion(length_s).unwrap());
         let budget = (last.momentum - first.momentum - sum).length() / first.momentum.length();
         let change = sum.length() / first.momentum.length();
         eprintln!("skin {skin}: L changes by {change:.2e}, budget {budget:.1e}");
         assert!(change > 1e-4, "the torques do something: {change}");
-        assert!(budget < most, "{budget:e}");
+        assert!(budget < limit, "{budget:e}");
         assert!(!skin || driven.sizes().iter().all(|s| s.modelled && s.largest_n_m > 0.0));
     }
 }
