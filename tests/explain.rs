@@ -62,6 +62,42 @@ fn a_tolerance_is_a_share_or_a_percentage() {
     assert_eq!(read(&["explain", "coarse.toml", "--json", "--tolerance", "0.3%"]), 0.003);
 }
 
+/// Truth: by hand: after a dose of twice the scale 0.4 + 0.6 e^(−2) = 0.4812 of a white sphere's light is left, 0.794 mag less in all bands; and the material is named with it. What makes no sense is refused with its
+/// line. Tolerance: the digits that JSON has.
+#[test]
+fn an_aged_material_is_named_and_sends_less() {
+    let folder = folder("explain-aged");
+    let sphere = "[[target.part]]\nname = \"ball\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"paint\"\n\
+                  [[target.material]]\nname = \"paint\"\nmodel = \"lambert\"\nreflectance = 0.8\n";
+    let new = SPHERE_PASS
+        .replace("[target]\nsphere = { radius_m = 0.5, material = \"white\" }\n", "")
+        + sphere;
+    let ageing = "[target.material.ageing]\ndose = 6\nleft = [0.4]\nscale = [3]\n";
+    std::fs::write(folder.path("new.toml"), &new).unwrap();
+    std::fs::write(folder.path("old.toml"), format!("{new}{ageing}")).unwrap();
+    let [new_light, old_light] = ["new.toml", "old.toml"].map(|pass| {
+        let json = folder.json(&["simulate", pass, "--json"]);
+        json["v_above_air"]["brightest_mag"].as_f64().unwrap_or(f64::NAN)
+    });
+    let fainter = -2.5 * (0.4 + 0.6 * (-2.0_f64).exp()).log10();
+    assert!((old_light - new_light - fainter).abs() < 2e-4, "{old_light} {new_light}");
+    let json = folder.json(&["explain", "old.toml", "--json"]);
+    assert_eq!(json["aged"][0]["material"], "paint");
+    let text = folder.done(&["explain", "old.toml"]);
+    assert!(text.contains("aged by a dose of 6, which leaves 48.1 %"), "{text}");
+    assert!(folder.json(&["explain", "new.toml", "--json"])["aged"].as_array().unwrap().is_empty());
+    for (wrong, field) in [
+        ("dose = -1\nleft = [0.4]\nscale = [3]\n", "ageing"),
+        ("dose = 1\nleft = [0.4, 0.5]\nscale = [3]\n", "ageing.left"),
+        ("dose = 1\nleft = [0.4]\nscale = [3]\nalpha = 0.3\nalpha_scale = 1\n", "ageing.alpha"),
+    ] {
+        let text = format!("{new}[target.material.ageing]\n{wrong}");
+        std::fs::write(folder.path("wrong.toml"), text).unwrap();
+        let message = folder.refused(1, &["explain", "wrong.toml"]);
+        assert!(message.contains(field) && message.contains("wrong.toml:"), "{message}");
+    }
+}
+
 /// Truth: the sum, and the numbers of the curve that is written.
 #[test]
 fn the_stated_error_is_in_every_output() {

@@ -63,7 +63,20 @@ pub fn text(pass: &Pass, explanation: &Explanation) -> String {
     if let Some(sizes) = &explanation.torques {
         torques(&mut text, sizes);
     }
+    let aged = aged(pass);
+    if !aged.is_empty() {
+        text.push_str("\n  materials that have aged\n");
+        for (material, how) in aged {
+            let _ = writeln!(text, "  {material:<19} {how}");
+        }
+    }
     text
+}
+
+/// Materials that have aged, and how.
+fn aged(pass: &Pass) -> Vec<(&str, &str)> {
+    let materials = pass.target.materials.iter();
+    materials.filter_map(|m| Some((m.name.as_str(), m.ageing()?))).collect()
 }
 
 /// Torques on the body along the pass.
@@ -165,6 +178,7 @@ pub fn document(pass: &Pass, explanation: &Explanation) -> Value {
         "needs": json(needs),
         "left_out": finite(*left_out),
         "terms": terms,
+        "aged": aged(pass).iter().map(|(material, how)| json!({ "material": material, "ageing": how })).collect::<Vec<_>>(),
         "torques": torques.as_ref().map(|sizes| TORQUES.iter().zip(sizes).map(torque).collect::<Vec<_>>()),
         "scene": { "triangles": scene.triangles, "facets": scene.facets, "spheres": scene.spheres, "closed": scene.closed,
             "convex": scene.convex, "hides_nothing": scene.no_occlusion, "solids": scene.solids, "occluder_pairs": scene.occluder_pairs },

@@ -13,7 +13,8 @@ fn main() {
     divan::main();
 }
 
-const OPTIONS: BounceOptions = BounceOptions { tolerance: 2e-3, seed: 1, most_paths: 1 << 17 };
+const OPTIONS: BounceOptions =
+    BounceOptions { tolerance: 2e-3, seed: 1, most_paths: 1 << 17, analyser: None };
 
 #[divan::bench(args = ["corner", "box_wing_diffuse", "box_wing"])]
 fn epoch_188_bins(bencher: Bencher, name: &str) {

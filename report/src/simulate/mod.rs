@@ -125,6 +125,9 @@ fn add_polarisation(piece: &Piece<'_>, table: &mut Table) {
         add(name, None, &found.channels_error[c], error);
     }
     let angle = "position angle of the electric field, from north through east (ICRS)";
+    for (channel, angles) in piece.simulation.channels.iter().zip(&found.channels_angle_deg) {
+        add(format!("{}_polarisation_angle_deg", channel.name), Some("deg"), angles, angle);
+    }
     add("polarisation_angle_deg".into(), Some("deg"), &found.angle_deg, angle);
 }
 
@@ -394,7 +397,7 @@ impl SimulationReport<'_> {
             Some([least, most, error]) => {
                 let _ = writeln!(
                     text,
-                    "polarisation in V: {} to {}, known to {}, perpendicular to the plane of Sun, target and station",
+                    "polarisation in V: {} to {}, known to {}; perpendicular to the plane of Sun, target and station but for light between surfaces",
                     percent(least),
                     percent(most),
                     percent(error)

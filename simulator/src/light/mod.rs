@@ -56,6 +56,7 @@ pub mod shine;
 mod solid;
 mod weld;
 
+pub use bounce::Analyser;
 pub use derivative::{Derivation, DerivativeError, Method, Parameter, Roughness};
 pub use disc::SunOptions;
 pub use earth::EarthAlbedo;

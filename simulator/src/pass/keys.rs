@@ -202,6 +202,7 @@ impl From<EffectKeys> for Switches {
     fn from(keys: EffectKeys) -> Self {
         let EffectKeys { solar_disc, inter_reflection, earthshine, moonshine, finite_distance } =
             keys;
-        Self { solar_disc, inter_reflection, earthshine, moonshine, finite_distance }
+        let analyser = None;
+        Self { solar_disc, inter_reflection, earthshine, moonshine, finite_distance, analyser }
     }
 }

@@ -115,11 +115,28 @@ impl Pass {
             None => None,
             Some(parts) => {
                 let (part, known) = (&parts.polarised, &parts.diffuse_and_known);
-                Some((part.ready_for(&course)?, known.ready_for(&course)?, &parts.unknown))
+                let ready = |pass| Pass::ready_for(pass, &course);
+                let between = match &parts.between {
+                    None => None,
+                    Some(between) => between
+                        .map(ready, |ready| &ready.engine.terms()[..ready.engine.lit_terms()])?,
+                };
+                Some((ready(part)?, ready(known)?, between, &parts.unknown))
             }
         };
         tell(Stage::Light, 0);
         let along = Along::new(&ready, &sketches, &|i| way.place(i), &|| tick(1, Stage::Light))?;
+        let between = match parts.as_ref().and_then(|(_, _, between, _)| between.as_ref()) {
+            None => None,
+            Some(between) => between.map(
+                |ready| {
+                    let place = |i| way.place(i);
+                    let along = Along::new(ready, &sketches, &place, &|| ())?;
+                    Ok::<_, PassError>((ready, along))
+                },
+                |(ready, _)| ready.engine.terms(),
+            )?,
+        };
         drop(sketches);
 
         let around = self.way_around()?;
@@ -142,11 +159,24 @@ impl Pass {
             let doubt = doubt.collect::<Result<Vec<Light>, PassError>>()?;
             let polarised = match &parts {
                 None => None,
-                Some((polarised, known, unknown)) => Some((
-                    polarised.light_alone(&places, &part.exposure_s)?,
-                    known.light_alone(&places, &part.exposure_s)?,
-                    *unknown,
-                )),
+                Some((polarised, known, _, unknown)) => {
+                    let of_between = match &between {
+                        None => None,
+                        Some(between) => between.map(
+                            |(ready, along)| {
+                                let along = along.as_ref();
+                                ready.light_along(&places, &part.exposure_s, along, piece.start)
+                            },
+                            |made: &Simulation<'_>| &made.terms[..],
+                        )?,
+                    };
+                    Some((
+                        polarised.light_alone(&places, &part.exposure_s)?,
+                        known.light_alone(&places, &part.exposure_s)?,
+                        of_between,
+                        *unknown,
+                    ))
+                }
             };
             places.par_iter_mut().try_for_each(|place| self.refract(place, &ready.functionals))?;
             let tick_light = || tick(2, Stage::Light);
@@ -165,8 +195,8 @@ impl Pass {
             let simulation = Simulation { smear, ..simulation };
             drop(lit);
             let material = (!doubt.is_empty()).then(|| simulation.doubt_by(doubt));
-            let polarisation = polarised.map(|(part, known, unknown)| {
-                simulation.polarised_by(&part, &known, unknown.clone())
+            let polarisation = polarised.map(|(part, known, between, unknown)| {
+                simulation.polarised_by(&part, &known, between.as_ref(), unknown.clone())
             });
             tell(Stage::Given, piece.end);
             each(&Piece { simulation: &simulation, material, polarisation })?;
@@ -190,9 +220,20 @@ impl Ready<'_> {
         places: &[Place],
         exposure_s: &[f64],
     ) -> Result<Simulation<'_>, PassError> {
+        self.light_along(places, exposure_s, None, 0)
+    }
+
+    /// The same of a pass by sunlight with the light of `along`, in which these places begin with the epoch `first`.
+    fn light_along(
+        &self,
+        places: &[Place],
+        exposure_s: &[f64],
+        along: Option<&Along>,
+        first: usize,
+    ) -> Result<Simulation<'_>, PassError> {
         let mut places: Vec<Place> = places.iter().map(|p| Place { moon: None, ..*p }).collect();
         places.par_iter_mut().try_for_each(|place| self.pass.refract(place, &self.functionals))?;
-        let lit = self.lit(&places, None, 0, &|| ())?;
+        let lit = self.lit(&places, along, first, &|| ())?;
         let counts = self.counted(&places, &lit, exposure_s, &|| ())?;
         Ok(self.pass.gathered(String::new(), places, &lit, counts, Bounds::default(), self))
     }

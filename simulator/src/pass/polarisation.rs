@@ -1,11 +1,14 @@
 //! Linear polarisation of a body's light.
 //!
 //! Unpolarised sunlight that microfacets or mirrors reflect once is polarised perpendicular to the plane of Sun, body and observer ([`crate::surface::PolarisedPart`]). Its
-//! polarised part is simulated as a pass of its own, with all that shades and hides. What is not known, or not modelled, may be polarised in any way: it is in the error.
+//! polarised part is simulated as a pass of its own, with all that shades and hides. Light between surfaces is followed along light paths with its Stokes vectors, to an observer behind an ideal
+//! polariser at three angles. What is not known, or not modelled, may be polarised in any way: it is in the error.
 
 use super::{Pass, PassError, Progress, Simulation};
-use crate::light::engine::Switches;
-use crate::surface::{Material, MaterialError, PolarisedPart};
+use crate::light::engine::{Switch, Switches};
+use crate::light::{Analyser, Source, Term};
+use crate::surface::{Facets, Material, MaterialError, PolarisedPart};
+use crate::target::Target;
 use glam::DVec3;
 
 /// The place of V among the bands.
@@ -16,7 +19,7 @@ const V: usize = 2;
 pub struct Polarisation {
     /// Degree of linear polarisation, 0 to 1, after the air, by channel of the station and sample; NaN without light and below the horizon.
     pub channels: Vec<Vec<f64>>,
-    /// Bound of the error of the degree, by channel and sample. Light between surfaces and from the Earth, the light of materials whose polarisation is not known, and
+    /// Bound of the error of the degree, by channel and sample. Light from the Earth and the Moon, the light of materials whose polarisation is not known, and
     /// what the simulation's stated error leaves open may each be polarised wholly, in either direction. Above 1 nothing is known of the degree; infinite where no light
     /// may be left, NaN where the degree is.
     pub channels_error: Vec<Vec<f64>>,
@@ -24,8 +27,11 @@ pub struct Polarisation {
     pub v: Vec<f64>,
     /// Bound of the error of the degree in V, by sample, as [`Polarisation::channels_error`] but with the stated error of V.
     pub v_error: Vec<f64>,
-    /// Position angle of the electric field, from north through east (ICRS), 0 to 180 deg, as the IAU counts it, by sample.
+    /// Position angle of the electric field of the light in V, from north through east (ICRS), 0 to 180 deg, as the IAU counts it, by sample: perpendicular to the plane of Sun, body and observer, but for
+    /// light between surfaces.
     pub angle_deg: Vec<f64>,
+    /// The same in each channel, by channel and sample.
+    pub channels_angle_deg: Vec<Vec<f64>>,
     /// Materials whose polarisation is not known: they have no refractive index.
     pub unknown: Vec<String>,
 }
@@ -51,14 +57,102 @@ fn angle_deg(seen: DVec3, sun: DVec3) -> f64 {
     (towards_sun + 90.0).rem_euclid(180.0)
 }
 
-/// Passes by direct sunlight that the polarisation of a pass is found from.
+/// Passes by sunlight alone that the polarisation of a pass is found from.
 pub(super) struct Parts {
-    /// The polarised part of the light.
+    /// The polarised part of the light that is scattered once.
     pub polarised: Pass,
-    /// All light but that of materials whose polarisation is not known.
+    /// All such light but that of materials whose polarisation is not known.
     pub diffuse_and_known: Pass,
+    /// Light between surfaces; none where it is switched off.
+    pub between: Option<Between<Pass>>,
     /// Names of these materials.
     pub unknown: Vec<String>,
+}
+
+/// Passes of a body whose materials of unknown polarisation are black, or what is made of them.
+pub(super) struct Between<T> {
+    /// Light that is scattered once.
+    pub direct: T,
+    /// The same and the light between surfaces, without regard to polarisation.
+    pub all: T,
+    /// The same behind polarisers at 0, 60 and 120° from the direction perpendicular to the plane of Sun, body and observer; none where all is diffuse.
+    pub behind: Option<[T; 3]>,
+}
+
+impl<T> Between<T> {
+    /// Makes the same of something else; none where `all` has no light between surfaces.
+    pub fn map<'a, U, E>(
+        &'a self,
+        make: impl Fn(&'a T) -> Result<U, E>,
+        terms: impl Fn(&U) -> &[Term],
+    ) -> Result<Option<Between<U>>, E> {
+        let all = make(&self.all)?;
+        if terms(&all).iter().all(|term| term.source != Source::Bounce) {
+            return Ok(None);
+        }
+        let behind = match &self.behind {
+            None => None,
+            Some([across, left, right]) => Some([make(across)?, make(left)?, make(right)?]),
+        };
+        Ok(Some(Between { direct: make(&self.direct)?, all, behind }))
+    }
+}
+
+/// Some light and its stated error, over all light of the body.
+#[derive(Debug, Clone, Copy)]
+struct Share {
+    light: f64,
+    error: f64,
+}
+
+/// Polarisation of one sample of a channel.
+#[derive(Debug, Clone, Copy)]
+struct Degree {
+    degree: f64,
+    error: f64,
+    /// Counter-clockwise from the direction perpendicular to the plane of Sun, body and observer, deg.
+    turned_deg: f64,
+}
+
+impl Degree {
+    const NONE: Self = Self { degree: f64::NAN, error: f64::NAN, turned_deg: 0.0 };
+}
+
+/// What the three passes behind polarisers tell of I, Q and U of the light between surfaces, and how far off Q and I may be.
+///
+/// Behind a polariser at the angle a is ½(I + Q cos 2a + U sin 2a).
+fn stokes(behind: [Share; 3], direct: Share) -> ([f64; 3], [f64; 2]) {
+    // The light that is scattered once is in all of them as it is.
+    let [b, c, d] = behind.map(|b| b.light - direct.light);
+    let [eb, ec, ed] = behind.map(|b| (b.error - direct.error).max(0.0));
+    let u = (c - d) * 2.0 / 3.0_f64.sqrt();
+    let iqu = [2.0 / 3.0 * (b + c + d), 2.0 / 3.0 * (2.0 * b - c - d), u];
+    (iqu, [2.0 / 3.0 * (2.0 * eb + ec + ed), 2.0 / 3.0 * (eb + ec + ed)])
+}
+
+impl Degree {
+    /// By the polarised part of what is scattered once, all such light of known polarisation, the light between surfaces, and the relative stated error of all light.
+    fn new(polarised: f64, known: f64, between: Option<&Between<Share>>, stated: f64) -> Self {
+        let Some(between) = between else {
+            let error = bound(polarised, (1.0 - known).abs(), stated);
+            return Self { degree: polarised, error, turned_deg: 0.0 };
+        };
+        // Without regard to polarisation light between surfaces is another amount of light: what is polarised at one surface is reflected otherwise at the next.
+        let plain = between.all.light - between.direct.light;
+        let ([i, q, u], [error, error_of_all]) = match between.behind {
+            Some(behind) => stokes(behind, between.direct),
+            None => ([plain, 0.0, 0.0], [0.0; 2]),
+        };
+        let all = 1.0 - plain + i;
+        let (q, u) = (polarised + q, u);
+        let degree = q.hypot(u) / all;
+        let unknown = (1.0 - known - plain).abs() + error + degree * error_of_all;
+        Self {
+            degree,
+            error: bound(degree, unknown / all, stated / all),
+            turned_deg: 0.5 * u.atan2(q).to_degrees(),
+        }
+    }
 }
 
 impl Pass {
@@ -67,14 +161,20 @@ impl Pass {
         let target = &self.target;
         let used = |k: usize| target.parts.iter().any(|part| part.material == k);
         let black = |of: &Material| Material::black(&of.name).map_err(|e| material(&e));
-        let mut polarised = self.direct();
-        let mut diffuse_and_known = self.direct();
+        let mut polarised = self.direct(target.clone());
+        let mut diffuse_and_known = self.direct(target.clone());
+        let (mut followed, mut facets) = (target.clone(), false);
         let mut unknown = Vec::new();
         for (k, of) in target.materials.iter().enumerate() {
             let part = match used(k) {
                 true => of.polarised().map_err(|e| material(&e))?,
                 false => PolarisedPart::Nothing,
             };
+            match of.facets(&[]) {
+                Facets::Unknown => followed.materials[k] = black(of)?,
+                Facets::Of { .. } => facets |= used(k),
+                Facets::None => {}
+            }
             if matches!(part, PolarisedPart::Unknown) {
                 unknown.push(of.name.clone());
                 diffuse_and_known.target.materials[k] = black(of)?;
@@ -84,23 +184,46 @@ impl Pass {
                 PolarisedPart::Nothing | PolarisedPart::Unknown => black(of)?,
             };
         }
-        Ok(Parts { polarised, diffuse_and_known, unknown })
+        let followed = || followed.clone();
+        let between = (self.effects.inter_reflection != Switch::Off).then(|| Between {
+            direct: self.alone(followed()),
+            all: self.behind(followed(), Analyser::Open),
+            behind: facets.then(|| {
+                [Analyser::Across, Analyser::Left, Analyser::Right]
+                    .map(|analyser| self.behind(followed(), analyser))
+            }),
+        });
+        Ok(Parts { polarised, diffuse_and_known, between, unknown })
     }
 
-    /// The same pass by direct sunlight alone.
-    fn direct(&self) -> Pass {
-        let mut pass = self.clone();
-        pass.effects = Switches {
+    /// The same pass by direct sunlight alone, of another target.
+    fn direct(&self, target: Target) -> Pass {
+        let effects = Switches {
             solar_disc: self.effects.solar_disc,
             finite_distance: self.effects.finite_distance,
             ..Switches::OFF
         };
+        Pass { target, effects, ..self.clone() }
+    }
+
+    /// The same, whose errors are those of this light alone.
+    fn alone(&self, target: Target) -> Pass {
+        let mut pass = self.direct(target);
+        pass.effects.analyser = Some(Analyser::Open);
+        pass
+    }
+
+    /// The same with light between surfaces, of which the observer sees what an analyser lets through.
+    fn behind(&self, target: Target, analyser: Analyser) -> Pass {
+        let mut pass = self.direct(target);
+        pass.effects.inter_reflection = self.effects.inter_reflection;
+        pass.effects.analyser = Some(analyser);
         pass
     }
 }
 
 impl Simulation<'_> {
-    /// Linear polarisation of the light: one direct simulation of its polarised part, and one for what bounds the error.
+    /// Linear polarisation of the light: one direct simulation of its polarised part, one for what bounds the error, and, where light goes between surfaces, five more.
     ///
     /// # Errors
     /// [`PassError`], as of a simulation; a refractive index between whose angles no interpolation holds.
@@ -111,55 +234,75 @@ impl Simulation<'_> {
         let parts = self.pass.polarised()?;
         let (polarised, known) =
             (parts.polarised.simulate(progress)?, parts.diffuse_and_known.simulate(progress)?);
-        Ok(self.polarised_by(&polarised, &known, parts.unknown.clone()))
+        let between = match &parts.between {
+            None => None,
+            Some(between) => between.map(|pass| pass.simulate(progress), |made| &made.terms[..])?,
+        };
+        Ok(self.polarised_by(&polarised, &known, between.as_ref(), parts.unknown.clone()))
     }
 
-    /// The polarisation, by the polarised part of the light and by the light of the materials whose polarisation is known.
+    /// The polarisation, by the polarised part of the light that is scattered once, by such light of the materials whose polarisation is known, and by light between surfaces.
     pub(super) fn polarised_by(
         &self,
         polarised: &Simulation<'_>,
         known: &Simulation<'_>,
+        between: Option<&Between<Simulation<'_>>>,
         unknown: Vec<String>,
     ) -> Polarisation {
         let samples = self.places.len();
-        let (mut channels, mut channels_error) = (Vec::new(), Vec::new());
-        for (c, all) in self.channels.iter().enumerate() {
-            let (part, known) = (&polarised.channels[c], &known.channels[c]);
-            let degree = |row: usize| match all.rate_hz[row] > 0.0 {
-                true => part.rate_hz[row] / all.rate_hz[row],
-                false => f64::NAN,
+        let made = |share: &dyn Fn(&Simulation<'_>) -> Share| {
+            let between = between.map(|b| Between {
+                direct: share(&b.direct),
+                all: share(&b.all),
+                behind: b.behind.as_ref().map(|b| [share(&b[0]), share(&b[1]), share(&b[2])]),
+            });
+            let (part, known) = (share(polarised).light, share(known).light);
+            Degree::new(part, known, between.as_ref(), share(self).error)
+        };
+        let in_channel = |c: usize, row: usize| {
+            let all = self.channels[c].rate_hz[row];
+            let share = |of: &Simulation<'_>| Share {
+                light: of.channels[c].rate_hz[row] / all,
+                error: of.channels[c].error_hz[row] / all,
             };
-            let error = |row: usize| match all.rate_hz[row] > 0.0 {
-                true => {
-                    let all_hz = all.rate_hz[row];
-                    let rest = (all_hz - known.rate_hz[row]).abs() / all_hz;
-                    bound(degree(row), rest, all.error_hz[row] / all_hz)
-                }
-                false => f64::NAN,
-            };
-            channels.push((0..samples).map(degree).collect());
-            channels_error.push((0..samples).map(error).collect());
-        }
-        let share = |of: &Simulation<'_>, row: usize| {
+            if all > 0.0 { made(&share) } else { Degree::NONE }
+        };
+        let in_v = |row: usize| {
             let own = self.magnitudes[[row, V]];
-            match (own.is_finite(), of.magnitudes[[row, V]]) {
-                (false, _) => f64::NAN,
+            let share = |of: &Simulation<'_>| {
+                let fainter = of.magnitudes[[row, V]] - own;
                 // Without light there is no magnitude.
-                (true, m) if m.is_nan() => 0.0,
-                (true, m) => 10_f64.powf(-0.4 * (m - own)),
-            }
+                let light = if fainter.is_nan() { 0.0 } else { 10_f64.powf(-0.4 * fainter) };
+                // The magnitude's error is by how much fainter the light may be: of the light that is 1 − 10^(−0.4 Δm).
+                let stated = 1.0 - 10_f64.powf(-0.4 * of.magnitude_errors[[row, V]]);
+                Share { light, error: if light > 0.0 { light * stated } else { 0.0 } }
+            };
+            if own.is_finite() { made(&share) } else { Degree::NONE }
         };
-        let v: Vec<f64> = (0..samples).map(|row| share(polarised, row)).collect();
-        // The magnitude's error is by how much fainter the light may be: of the light that is 1 − 10^(−0.4 Δm).
-        let stated = |row: usize| 1.0 - 10_f64.powf(-0.4 * self.magnitude_errors[[row, V]]);
-        let v_error = (0..samples)
-            .map(|row| bound(v[row], (1.0 - share(known, row)).abs(), stated(row)))
+        let perpendicular_deg: Vec<f64> = self
+            .places
+            .iter()
+            .map(|place| angle_deg(-place.geometry.to_observer, place.geometry.sun.direction_gcrs))
             .collect();
-        let angle = |place: &super::Place| {
-            angle_deg(-place.geometry.to_observer, place.geometry.sun.direction_gcrs)
+        let angles = |found: &[Degree]| -> Vec<f64> {
+            let each = perpendicular_deg.iter().zip(found);
+            each.map(|(angle, found)| (angle + found.turned_deg).rem_euclid(180.0)).collect()
         };
-        let angle_deg = self.places.iter().map(angle).collect();
-        Polarisation { channels, channels_error, v, v_error, angle_deg, unknown }
+        let channels: Vec<Vec<Degree>> = (0..self.channels.len())
+            .map(|c| (0..samples).map(|row| in_channel(c, row)).collect())
+            .collect();
+        let v: Vec<Degree> = (0..samples).map(in_v).collect();
+        let degrees = |of: &[Degree]| of.iter().map(|d| d.degree).collect::<Vec<f64>>();
+        let errors = |of: &[Degree]| of.iter().map(|d| d.error).collect::<Vec<f64>>();
+        Polarisation {
+            channels: channels.iter().map(|all| degrees(all)).collect(),
+            channels_error: channels.iter().map(|all| errors(all)).collect(),
+            channels_angle_deg: channels.iter().map(|all| angles(all)).collect(),
+            v: degrees(&v),
+            v_error: errors(&v),
+            angle_deg: angles(&v),
+            unknown,
+        }
     }
 }
 
@@ -171,6 +314,19 @@ mod tests {
         let ((sin, cos), (sin_dec, cos_dec)) =
             (ra_deg.to_radians().sin_cos(), dec_deg.to_radians().sin_cos());
         DVec3::new(cos_dec * cos, cos_dec * sin, sin_dec)
+    }
+
+    /// Truth: by hand: light of I 2, Q 0.3 and U −0.8 has ½(2 + 0.3 cos 2a − 0.8 sin 2a) behind a polariser at the angle a. Tolerance: rounding.
+    #[test]
+    fn three_polarisers_tell_the_stokes_vector() {
+        let behind = [0.0_f64, 60.0, 120.0].map(|deg| {
+            let (sin, cos) = (2.0 * deg.to_radians()).sin_cos();
+            Share { light: 5.0 + 0.5 * (2.0 + 0.3 * cos - 0.8 * sin), error: 0.1 }
+        });
+        let (found, _) = stokes(behind, Share { light: 5.0, error: 0.1 });
+        for (found, truth) in found.into_iter().zip([2.0, 0.3, -0.8]) {
+            assert!((found - truth).abs() < 1e-12, "{found} {truth}");
+        }
     }
 
     /// Truth: tan q = cos δ' sin(α' − α)/(sin δ' cos δ − cos δ' sin δ cos(α' − α)) for the position angle of a place (α', δ') seen from (α, δ) (Meeus 1998, Astronomical

@@ -101,7 +101,8 @@ const BINS: usize = 200;
 /// With so many photons per shot in the mean 95 % of the shots yield at least one: −ln 0.05.
 pub const SATURATED: f64 = 2.995_732_273_553_991;
 /// Light paths of a shot at most: about 10 ms. What they leave open is in the stated error.
-const BOUNCES: BounceOptions = BounceOptions { tolerance: 1e-3, seed: 0, most_paths: 4096 };
+const BOUNCES: BounceOptions =
+    BounceOptions { tolerance: 1e-3, seed: 0, most_paths: 4096, analyser: None };
 /// Points along each side of a panel of the Earth's cap.
 const CAP_ORDER: usize = 8;
 /// Altitudes of the table of sunlight over laser light, km (thesis fig. 3.5).

@@ -79,6 +79,15 @@ impl ComplexIndex {
         (self.wavelength_nm[0], self.wavelength_nm[self.wavelength_nm.len() - 1])
     }
 
+    /// (n, k) at a wavelength, vacuum nm; held beyond the table's ends.
+    fn at(&self, nm: f64) -> [f64; 2] {
+        let after = self.wavelength_nm.partition_point(|w| *w <= nm);
+        let row = after.clamp(1, self.wavelength_nm.len() - 1) - 1;
+        let (from, to) = (self.wavelength_nm[row], self.wavelength_nm[row + 1]);
+        let (n, k) = self.within(row, ((nm - from) / (to - from)).clamp(0.0, 1.0));
+        [n, k]
+    }
+
     /// (n, k) within interval `row` (from `row` to `row + 1`), `t` from 0 to 1.
     fn within(&self, row: usize, t: f64) -> (f64, f64) {
         let mix = |y: &[f64]| y[row] * (1.0 - t) + y[row + 1] * t;
@@ -105,23 +114,44 @@ fn polarised(n: f64, k: f64, cos: f64) -> [f64; 2] {
     if cos <= 0.0 {
         return [1.0; 2];
     }
-    // q = √(m² − sin²θ) = a + ib with m = n + ik.
-    let (re, im) = (n * n - k * k - 1.0 + cos * cos, 2.0 * n * k);
-    let modulus = re.hypot(im);
-    // Of (|z| ± re)/2 the one without cancellation; the other from ab = im/2.
-    let (a, b) = if re >= 0.0 {
-        let a = (0.5 * (modulus + re)).sqrt();
-        (a, if a > 0.0 { 0.5 * im / a } else { 0.0 })
-    } else {
-        let b = (0.5 * (modulus - re)).sqrt();
-        (0.5 * im / b, b)
-    };
+    let (a, b) = root(n, k, cos);
     let square = |x: f64| x * x;
     let s = (square(cos - a) + square(b)) / (square(cos + a) + square(b));
     // r_p = (m² cosθ − q)/(m² cosθ + q).
     let (x, y) = ((n * n - k * k) * cos, 2.0 * n * k * cos);
     let p = (square(x - a) + square(y - b)) / (square(x + a) + square(y + b));
     [s, p]
+}
+
+/// R_s, R_p, and the real and imaginary part of r_s r_p*, of the complex amplitudes r_s and r_p (fields e^(−iωt), n + ik) where each of the directions p is the cross product of its direction of
+/// propagation and of s: then r_p = −r_s at normal incidence (Born and Wolf, §1.5.2 and §14.2).
+pub(crate) fn amplitudes(n: f64, k: f64, cos: f64) -> [f64; 4] {
+    let cos = cos.clamp(0.0, 1.0);
+    let (a, b) = root(n, k, cos);
+    let (x, y) = ((n * n - k * k) * cos, 2.0 * n * k * cos);
+    // (u − q)/(u + q) of a complex u.
+    let ratio = |x: f64, y: f64| {
+        let (re, im) = ((x - a) * (x + a) + (y - b) * (y + b), 2.0 * (y * a - x * b));
+        let size = (x + a) * (x + a) + (y + b) * (y + b);
+        if size > 0.0 { (re / size, im / size) } else { (-1.0, 0.0) }
+    };
+    let (s, p) = (ratio(cos, 0.0), ratio(x, y));
+    let [rs, rp] = [s, p].map(|(re, im)| re * re + im * im);
+    [rs, rp, s.0 * p.0 + s.1 * p.1, s.1 * p.0 - s.0 * p.1]
+}
+
+/// q = √(m² − sin²θ) = a + ib with m = n + ik.
+fn root(n: f64, k: f64, cos: f64) -> (f64, f64) {
+    let (re, im) = (n * n - k * k - 1.0 + cos * cos, 2.0 * n * k);
+    let modulus = re.hypot(im);
+    // Of (|z| ± re)/2 the one without cancellation; the other from ab = im/2.
+    if re >= 0.0 {
+        let a = (0.5 * (modulus + re)).sqrt();
+        (a, if a > 0.0 { 0.5 * im / a } else { 0.0 })
+    } else {
+        let b = (0.5 * (modulus - re)).sqrt();
+        (0.5 * im / b, b)
+    }
 }
 
 /// A quantity of n, k and cosθ.
@@ -189,6 +219,11 @@ impl Conductor {
         })?;
         let spectra = found.tabulate(index)?;
         Ok((found, spectra))
+    }
+
+    /// The index (n, k) at a wavelength, vacuum nm.
+    pub(super) fn index_at(&self, nm: f64) -> [f64; 2] {
+        self.index.at(nm)
     }
 
     /// The largest error of F over angles.

@@ -75,6 +75,7 @@ impl Material {
             largest: self.largest,
             notes: Vec::new(),
             stated: None,
+            ageing: None,
         })
     }
 }

@@ -17,7 +17,7 @@
 mod laws;
 
 use super::{
-    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, WardForm,
+    Ageing, ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, WardForm,
 };
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
@@ -100,6 +100,8 @@ pub struct MaterialFile {
     pub slope_rms_y: Option<Finite>,
     /// Material that a foil is made of.
     pub of: Option<Box<Self>>,
+    /// Time in space.
+    pub ageing: Option<AgeingFile>,
     /// A remark.
     pub note: Option<String>,
 }
@@ -116,6 +118,24 @@ pub struct MirrorFile {
     pub alpha: Finite,
     /// The wavelength of g; g is the same at all wavelengths where it is left out.
     pub wavelength_nm: Option<Positive>,
+}
+
+/// Ageing by exponential laws of a dose.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AgeingFile {
+    /// The dose, in a unit of whoever measured the scales: years, equivalent sun hours.
+    pub dose: Finite,
+    /// Vacuum wavelengths in nm, increasing; one alone where it is left out.
+    pub wavelength_nm: Option<Vec<Finite>>,
+    /// The share of the light that is left in the end, at each wavelength.
+    pub left: Vec<Fraction>,
+    /// The dose after which 1/e of the change is still to come, at each wavelength.
+    pub scale: Vec<Positive>,
+    /// The roughness in the end, of a material with one `alpha`.
+    pub alpha: Option<Positive>,
+    /// The dose after which 1/e of the change of the roughness is still to come.
+    pub alpha_scale: Option<Positive>,
 }
 
 /// Half-widths of the 95 % intervals of ln f, by region.
@@ -290,7 +310,14 @@ pub fn material(
     file: &MaterialFile,
 ) -> Result<(Material, Vec<(PathBuf, String)>), FileError> {
     let mut reader = Reader { document, at, sources: Vec::new() };
-    let mut material = reader.material(file)?;
+    let mut material = match &file.ageing {
+        Some(ageing) => reader.aged(file, ageing)?,
+        None => reader.material(file)?,
+    };
+    if file.of.as_ref().is_some_and(|of| of.ageing.is_some()) {
+        let expected = "ageing in the table of the foil, not of what it is made of";
+        return Err(reader.error("of.ageing", expected).into());
+    }
     if let Some(doubt) = &file.doubt {
         material.doubt(doubt);
     }
@@ -313,6 +340,45 @@ struct ReflectanceKeys<'a> {
 }
 
 impl Reader<'_> {
+    /// The material after its time in space.
+    fn aged(&mut self, file: &MaterialFile, keys: &AgeingFile) -> Result<Material, FileError> {
+        let nm = keys.wavelength_nm.iter().flatten().map(|v| v.get());
+        let nm: Vec<f64> = match &keys.wavelength_nm {
+            Some(_) => nm.collect(),
+            None => vec![0.5 * (RANGE_NM.0 + RANGE_NM.1)],
+        };
+        for (key, count) in [("ageing.left", keys.left.len()), ("ageing.scale", keys.scale.len())] {
+            if count != nm.len() {
+                let expected =
+                    format!("{} numbers, one for each of ageing.wavelength_nm", nm.len());
+                return Err(self.error(key, expected).into());
+            }
+        }
+        let left = keys.left.iter().map(|v| v.get()).collect();
+        let scale = keys.scale.iter().map(|v| v.get()).collect();
+        let ageing = Ageing::new(keys.dose.get(), nm, left, scale)
+            .map_err(|error| self.wrong("ageing", &error))?;
+        let mut file = file.clone();
+        match (file.alpha, keys.alpha, keys.alpha_scale) {
+            (_, None, None) => {}
+            (Some(alpha), Some(end), Some(scale)) => {
+                let alpha = ageing.roughness(alpha.get(), end.get(), scale.get());
+                file.alpha = Finite::new(alpha);
+            }
+            (None, ..) => {
+                let expected = "no roughness in the end: the material has no alpha of its own";
+                let key = if keys.alpha.is_some() { "ageing.alpha" } else { "ageing.alpha_scale" };
+                return Err(self.error(key, expected).into());
+            }
+            (_, Some(_), None) => {
+                return Err(self.error("ageing.alpha_scale", "also alpha_scale").into());
+            }
+            (_, None, Some(_)) => return Err(self.error("ageing.alpha", "also alpha").into()),
+        }
+        let new = self.material(&file)?;
+        new.aged(&ageing).map_err(|error| self.wrong("ageing", &error).into())
+    }
+
     fn material(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
         self.check_keys(file)?;
         Ok(match file.model {

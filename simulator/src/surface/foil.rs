@@ -62,6 +62,7 @@ impl Material {
             largest: Some(largest),
             notes,
             stated: None,
+            ageing: None,
         })
     }
 }

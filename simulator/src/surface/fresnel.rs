@@ -254,6 +254,20 @@ impl Fresnel {
         Ok(Some(Self { spectra, law, coherence, nodes, is_relative: false }))
     }
 
+    /// The refractive index (n, k) at some wavelengths (vacuum nm) of which this is Fresnel's term for unpolarised light; `None` where it is not known, and of what is coherent in part.
+    pub(super) fn indices(&self, nm: &[f64]) -> Option<Vec<[f64; 2]>> {
+        if self.is_relative || self.coherence != 0.0 {
+            return None;
+        }
+        match &self.law {
+            Law::Dielectric(n) => Some(vec![[*n, 0.0]; nm.len()]),
+            Law::Conductor(conductor) => {
+                Some(nm.iter().map(|nm| conductor.index_at(*nm)).collect())
+            }
+            _ => None,
+        }
+    }
+
     /// Key of its weights, which are those of every other term with the same key; `None` where they depend on more than two numbers.
     pub(super) fn key(&self) -> Option<(u8, u64)> {
         if self.coherence != 0.0 || !self.nodes.is_empty() {

@@ -12,6 +12,7 @@
 //! - [`measured`]: `.bsdf` files read and written; [`brdf_table`]: measured tables of directions;
 //! - [`mod@file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
 
+mod ageing;
 mod albedo;
 mod blend;
 pub mod brdf_table;
@@ -38,12 +39,14 @@ mod sphere;
 mod tensor;
 mod width;
 
+pub use ageing::Ageing;
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
 pub(crate) use microfacet::Masked;
 pub use microfacet::{Distribution, Lobe, Masking};
 pub use parametric::{CompositeLobe, CookTorranceLobe, Diffuse, Gloss, MaxwellBeard, MirrorTerm};
 pub use polarised::PolarisedPart;
+pub(crate) use polarised::{Facets, Mueller};
 pub use sampling::Sampled;
 pub use shape::{Shape, WardForm};
 pub(crate) use slope::central;
@@ -69,6 +72,8 @@ pub struct Material {
     notes: Vec<String>,
     /// How well f is known, as a file says it.
     stated: Option<scatter::Stated>,
+    /// How it has aged.
+    ageing: Option<String>,
 }
 
 /// Directions to either side in which two materials are compared.
@@ -311,7 +316,8 @@ impl Material {
         ways: Vec<(f64, sampling::Proposal)>,
     ) -> Self {
         let proposals = sampling::Mixture::new(ways);
-        Self { name, spectra, model, proposals, largest: None, notes: Vec::new(), stated: None }
+        let (notes, stated, ageing) = (Vec::new(), None, None);
+        Self { name, spectra, model, proposals, largest: None, notes, stated, ageing }
     }
 
     /// The spectra ρ_k: as many as there are weights.
@@ -481,7 +487,8 @@ impl Material {
             }
             Model::Law(law) => law.describe(),
         };
-        format!("{}: {what}", self.name)
+        let aged = self.ageing().map_or(String::new(), |aged| format!("; {aged}"));
+        format!("{}: {what}{aged}", self.name)
     }
 }
 

@@ -4,8 +4,8 @@ use super::sampling::{Mixture, Proposal};
 use super::scatter::Scatter;
 use super::shape::{Shape, WardForm};
 use super::{
-    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, PolarisedPart,
-    cos_difference,
+    ComplexIndex, Distribution, Facets, Fresnel, Lobe, Masking, Material, MaterialError,
+    PolarisedPart, cos_difference,
 };
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
@@ -308,6 +308,19 @@ impl Scatter for Sum {
             return Ok(PolarisedPart::Nothing);
         }
         Ok(PolarisedPart::Of(Box::new(sum(name.to_owned(), parts, None)?)))
+    }
+
+    fn facets(&self, nm: &[f64]) -> Facets {
+        let glossy = || self.parts.iter().filter(|part| !part.shape.is_diffuse());
+        let lobes = glossy().map(|part| (part.shape, part.scale)).collect();
+        let mut each = glossy().map(|part| part.fresnel.indices(nm));
+        match each.next() {
+            None => Facets::None,
+            Some(Some(index)) if each.all(|other| other.as_ref() == Some(&index)) => {
+                Facets::Of { lobes: Some(lobes), index }
+            }
+            Some(_) => Facets::Unknown,
+        }
     }
 
     fn describe(&self) -> String {

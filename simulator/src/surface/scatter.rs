@@ -1,7 +1,7 @@
 //! Properties that a reflection law must tell of itself, and what follows numerically from them: albedo, spheres, and whether it loses energy.
 
 use super::sampling::Mixture;
-use super::{Material, MaterialError, Model, PolarisedPart, cubature};
+use super::{Facets, Material, MaterialError, Model, PolarisedPart, cubature};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -45,6 +45,10 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     /// The errors of that.
     fn polarised(&self, _name: &str) -> Result<PolarisedPart, MaterialError> {
         Ok(PolarisedPart::Unknown)
+    }
+    /// Its facets, with their index at some wavelengths (vacuum nm).
+    fn facets(&self, _nm: &[f64]) -> Facets {
+        Facets::Unknown
     }
     /// Whether it is the same for every tangent.
     fn is_isotropic(&self) -> bool;
@@ -252,6 +256,7 @@ impl Material {
             largest: None,
             notes: vec![],
             stated: None,
+            ageing: None,
         };
         let (largest, gain_from) = made.look_at_energy();
         if let Some((theta_deg, wavelength_nm, albedo)) = gain_from {

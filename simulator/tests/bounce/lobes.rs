@@ -11,7 +11,7 @@ use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material
 const MOST_PATHS: u32 = 4096;
 
 fn options(tolerance: f64) -> BounceOptions {
-    BounceOptions { tolerance, seed: 4, most_paths: MOST_PATHS }
+    BounceOptions { tolerance, seed: 4, most_paths: MOST_PATHS, ..BounceOptions::default() }
 }
 
 /// Light found and its claimed error, and the row's own.

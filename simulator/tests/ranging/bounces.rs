@@ -16,7 +16,8 @@ use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material
 use sunglint_simulator::target::{Shape, Target};
 
 const BINS: DepthBins = DepthBins { from_m: -3.5, step_m: 0.1, count: 90 };
-const OPTIONS: BounceOptions = BounceOptions { tolerance: 2e-3, seed: 3, most_paths: 1 << 17 };
+const OPTIONS: BounceOptions =
+    BounceOptions { tolerance: 2e-3, seed: 3, most_paths: 1 << 17, analyser: None };
 
 /// ρ, and the roughness of a Beckmann lobe.
 type Paint = (f64, Option<f64>);

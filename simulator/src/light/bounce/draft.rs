@@ -216,6 +216,7 @@ impl<'a> Draft<'a> {
                     active,
                     both_ends,
                     rest_of,
+                    polariser: None,
                     seed: mixed(seed, 0xa9 + u32::from(rest_of.is_some())),
                 };
                 paths.trace(pair.sun, Toward::Far(pair.to), AGREEING, &mut sums);

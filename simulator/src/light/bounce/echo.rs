@@ -92,6 +92,7 @@ impl<'a> Echoes<'a> {
             active: &self.bound.active,
             both_ends: self.both_ends,
             rest_of: None,
+            polariser: None,
             seed: self.seed,
         };
         let mut until = 0;

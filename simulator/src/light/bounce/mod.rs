@@ -35,6 +35,7 @@ mod pilot;
 mod spectral;
 mod split;
 mod still;
+mod stokes;
 mod surfaces;
 mod thread;
 mod tracing;
@@ -72,11 +73,39 @@ pub struct BounceOptions {
     pub seed: u32,
     /// Light paths of an epoch at most, where there are paths: what is then left of the tolerance is in the errors.
     pub most_paths: u32,
+    /// Polariser before the observer; with one, all light is that of paths.
+    pub analyser: Option<Analyser>,
+}
+
+/// What the observer looks through at light between surfaces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Analyser {
+    /// Nothing: all light, by light paths, without regard to its polarisation on the way.
+    Open,
+    /// An ideal polariser that lets light through whose electric field is perpendicular to the plane of Sun, body and observer.
+    Across,
+    /// The same, turned by 60° counter-clockwise as the observer sees it.
+    Left,
+    /// The same, turned by 120°.
+    Right,
+}
+
+impl Analyser {
+    /// Angle of the polariser, radians; `None` without one.
+    pub(crate) fn angle_rad(self) -> Option<f64> {
+        let third = std::f64::consts::FRAC_PI_3;
+        match self {
+            Self::Open => None,
+            Self::Across => Some(0.0),
+            Self::Left => Some(third),
+            Self::Right => Some(2.0 * third),
+        }
+    }
 }
 
 impl Default for BounceOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-3, seed: 0, most_paths: 1 << 17 }
+        Self { tolerance: 1e-3, seed: 0, most_paths: 1 << 17, analyser: None }
     }
 }
 
@@ -217,7 +246,10 @@ impl<'a> Bounce<'a> {
             .map(|spectrum| Term { source: Source::Bounce, material: None, spectrum })
             .collect();
         let wanted = (options, effort);
-        let still = Still::new(scene, &surfaces, &bound, &nodes, &pilot, wanted);
+        let still = match options.analyser {
+            None => Still::new(scene, &surfaces, &bound, &nodes, &pilot, wanted),
+            Some(_) => None,
+        };
         let (way, how, cost_s) = match still {
             Some(still) => {
                 let (how, cost_s) = (still.describe(), still.cost_s(&pilot));

@@ -10,6 +10,7 @@
 use super::cast::{Caster, Ray};
 use super::echo::Echo;
 use super::optics::Optics;
+use super::stokes::{Polariser, Vectors};
 use super::surfaces::{Place, Surfaces};
 use crate::light::occlude::Toward;
 use glam::DVec3;
@@ -39,7 +40,33 @@ pub struct Paths<'a> {
     pub both_ends: bool,
     /// Flags of the rough surfaces, one for each surface, where only paths of three scatterings and more count that begin or end with two rough surfaces.
     pub rest_of: Option<&'a [bool]>,
+    /// What the observer looks through, of light that is polarised.
+    pub polariser: Option<&'a Polariser>,
     pub seed: u32,
+}
+
+/// Room for the polarisation of one path.
+#[derive(Debug)]
+struct Polarised<'a> {
+    by: &'a Polariser,
+    /// Vectors of the path so far, and of what goes to the other end.
+    vectors: [Vectors; 2],
+    /// What a surface reflects at each node, sr⁻¹.
+    factors: Vec<f64>,
+}
+
+impl Polarised<'_> {
+    /// Takes a path on where it is reflected; the second vectors with `ends`.
+    fn reflect(&mut self, optics: &mut Optics, at: (usize, &Place), ways: [DVec3; 2], ends: bool) {
+        self.factors.fill(1.0);
+        optics.scatter(at.0, ways[0], ways[1], 1.0, &mut self.factors);
+        let [path, last] = &mut self.vectors;
+        if ends {
+            last.copy(path);
+        }
+        let vectors = if ends { last } else { path };
+        self.by.reflect(vectors, at, ways, &self.factors);
+    }
 }
 
 /// One end of all paths.
@@ -182,6 +209,11 @@ impl Paths<'_> {
         let (first, nodes) = (sums.points, self.optics.nodes);
         let share = if self.both_ends { 0.5 } else { 1.0 };
         let mut light = [vec![0.0; nodes], vec![0.0; nodes]];
+        let mut polarised = self.polariser.map(|by| Polarised {
+            by,
+            vectors: [Vectors::new(nodes), Vectors::new(nodes)],
+            factors: vec![0.0; nodes],
+        });
         for scramble in 0..SCRAMBLES {
             let row = scramble as usize * nodes..(scramble as usize + 1) * nodes;
             let seed = mixed(self.seed, scramble);
@@ -204,7 +236,7 @@ impl Paths<'_> {
                     end,
                     (index, seed),
                     share,
-                    &mut light,
+                    (&mut light, &mut polarised),
                     bounced,
                     &mut direct,
                     echoes,
@@ -228,7 +260,7 @@ impl Paths<'_> {
         end: &End,
         (index, seed): (u32, u32),
         share: f64,
-        [light, last]: &mut [Vec<f64>; 2],
+        ([light, last], polarised): (&mut [Vec<f64>; 2], &mut Option<Polarised>),
         bounced: &mut [f64],
         direct: &mut Option<&mut [f64]>,
         echoes: &mut Option<Vec<Echo>>,
@@ -249,8 +281,13 @@ impl Paths<'_> {
         }
         let mut came = here.local(d);
         light.fill(cos / start.density(cos));
+        if let Some(polarised) = polarised {
+            let from_light = direct.is_some();
+            let source = if from_light { d } else { end.from(&here).0 };
+            polarised.by.start(&mut polarised.vectors[0], from_light, source, d);
+        }
         if let Some(direct) = direct {
-            self.count(end, &here, came, light, last, 1.0, direct);
+            self.count(end, &here, came, (light, last, polarised), 1.0, direct);
         }
         // How likely the way back is beside this way.
         let mut back = 1.0 / start.density(cos);
@@ -279,6 +316,9 @@ impl Paths<'_> {
                 back *= self.optics.density(material, drawn.to, came).unwrap_or(1.0);
             }
             mirrored_first |= order == 1 && drawn.density.is_none();
+            if let Some(polarised) = polarised {
+                polarised.reflect(self.optics, (material, &here), [came, drawn.to], false);
+            }
             let after = light.iter().copied().fold(0.0, f64::max);
             if after <= 0.0 {
                 return found;
@@ -308,7 +348,8 @@ impl Paths<'_> {
             let two_rough = rough(&here, &self.rest_of) && rough(&there, &self.rest_of);
             began_rough |= order == 1 && two_rough;
             let counts = self.rest_of.is_none() || (order > 1 && (began_rough || two_rough));
-            let seen = counts && self.count(end, &there, arrives, light, last, weight, bounced);
+            let seen = counts
+                && self.count(end, &there, arrives, (light, last, polarised), weight, bounced);
             if let (true, Some(echoes)) = (seen, &mut *echoes) {
                 let from_sun = direct.is_some();
                 echoes.push(Echo::new(from_sun, [first, there.at], between_m, last[0]));
@@ -334,14 +375,12 @@ impl Paths<'_> {
     }
 
     /// Adds what goes to the other end, if it is seen from here.
-    #[expect(clippy::too_many_arguments, reason = "all of them are one path's own")]
     fn count(
         &mut self,
         end: &End,
         place: &Place,
         came: DVec3,
-        light: &[f64],
-        last: &mut [f64],
+        (light, last, polarised): (&[f64], &mut [f64], &mut Option<Polarised>),
         weight: f64,
         sum: &mut [f64],
     ) -> bool {
@@ -354,6 +393,11 @@ impl Paths<'_> {
         self.optics.scatter(material, came, place.local(d), weight * cos, last);
         let seen = last.iter().any(|l| *l > 0.0) && end.sees(self, place, d, range);
         if seen {
+            if let Some(polarised) = polarised {
+                let to = place.local(d);
+                polarised.reflect(self.optics, (material, place), [came, to], true);
+                polarised.by.pass(&mut polarised.vectors[1], d, last);
+            }
             sum.iter_mut().zip(last.iter()).for_each(|(s, l)| *s += l);
         }
         seen

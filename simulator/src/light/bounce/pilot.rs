@@ -78,6 +78,7 @@ impl Pilot {
                 active,
                 both_ends: true,
                 rest_of: None,
+                polariser: None,
                 seed: mixed(options.seed, 0xb0),
             };
             paths.trace(sun, Toward::Far(to), POINTS, &mut sums);

@@ -3,6 +3,7 @@
 use super::cast::Caster;
 use super::optics::Optics;
 use super::paths::Paths;
+use super::stokes::Polariser;
 use super::surfaces::Surfaces;
 use super::tracing::Direct;
 use crate::light::Scene;
@@ -21,6 +22,7 @@ pub(super) struct Thread<'a> {
     both_ends: bool,
     /// Flags of the surfaces that are not Lambertian, one for each surface.
     rough: Vec<bool>,
+    polariser: Option<Polariser>,
 }
 
 impl<'a> Thread<'a> {
@@ -32,7 +34,14 @@ impl<'a> Thread<'a> {
         let rough: Vec<bool> =
             surfaces.list.iter().map(|s| optics.lambert(s.material).is_none()).collect();
         let both_ends = active.iter().any(|k| rough[*k]);
-        Self { scene, surfaces, caster, optics, direct: Direct::new(scene, nm), both_ends, rough }
+        let (direct, polariser) = (Direct::new(scene, nm), None);
+        Self { scene, surfaces, caster, optics, direct, both_ends, rough, polariser }
+    }
+
+    /// The same for what passes a polariser at an angle, radians.
+    pub fn behind(self, nm: &[f64], angle_rad: f64) -> Self {
+        let polariser = Some(Polariser::new(self.scene.materials(), nm, angle_rad));
+        Self { polariser, ..self }
     }
 
     /// Turns what follows the Sun.
@@ -49,8 +58,9 @@ impl<'a> Thread<'a> {
 
     /// Paths that begin on the active surfaces; with `rest` those of [`Paths::rest_of`].
     pub fn paths<'t>(&'t mut self, active: &'t [usize], rest: bool, seed: u32) -> Paths<'t> {
-        let Self { surfaces, caster, optics, both_ends, rough, .. } = self;
-        let rest_of = rest.then_some(rough.as_slice());
-        Paths { surfaces, caster, optics, active, both_ends: *both_ends, rest_of, seed }
+        let Self { surfaces, caster, optics, both_ends, rough, polariser, .. } = self;
+        let (rest_of, both_ends) = (rest.then_some(rough.as_slice()), *both_ends);
+        let polariser = polariser.as_ref();
+        Paths { surfaces, caster, optics, active, both_ends, rest_of, polariser, seed }
     }
 }

@@ -1,11 +1,11 @@
 //! Paths for each epoch: as many as the tolerance asks for.
 
-use super::BounceOptions;
 use super::nodes::Nodes;
 use super::paths::{MOST_POINTS, SCRAMBLES, Sums, mixed};
 use super::pilot::Pilot;
 use super::surfaces::Surfaces;
 use super::thread::Thread;
+use super::{Analyser, BounceOptions};
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene, View};
 use glam::DVec3;
@@ -35,6 +35,8 @@ pub struct Plan {
     most_points: u32,
     /// Whether only what [`Still`](super::still::Still) leaves is wanted.
     rest: bool,
+    /// Angle of a polariser before the observer, radians.
+    polariser_rad: Option<f64>,
 }
 
 impl Plan {
@@ -46,7 +48,9 @@ impl Plan {
     ) -> Self {
         let (tolerance, seed) = (options.tolerance, mixed(options.seed, 0x7a));
         let most_points = (options.most_paths / SCRAMBLES).clamp(LEAST, MOST_POINTS);
-        Self { surfaces, active, nodes: nodes.clone(), tolerance, seed, most_points, rest: false }
+        let (nodes, rest) = (nodes.clone(), false);
+        let polariser_rad = options.analyser.and_then(Analyser::angle_rad);
+        Self { surfaces, active, nodes, tolerance, seed, most_points, rest, polariser_rad }
     }
 
     /// The same for paths of [`Paths::rest_of`](super::paths::Paths::rest_of) alone.
@@ -95,7 +99,11 @@ pub struct Tracing<'a> {
 
 impl<'a> Tracing<'a> {
     pub fn new(scene: &'a Scene, plan: Arc<Plan>) -> Self {
-        let thread = Thread::new(scene, &plan.surfaces, &plan.active, &plan.nodes.nm);
+        let nm = &plan.nodes.nm;
+        let mut thread = Thread::new(scene, &plan.surfaces, &plan.active, nm);
+        if let Some(angle_rad) = plan.polariser_rad {
+            thread = thread.behind(nm, angle_rad);
+        }
         Self { plan, thread }
     }
 

@@ -60,6 +60,7 @@ fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
     let options = BounceOptions {
         tolerance: question.options.tolerance,
         most_paths: question.options.paths(),
+        analyser: question.options.switches.analyser,
         ..BounceOptions::default()
     };
     let twin = stand_in(question.target);

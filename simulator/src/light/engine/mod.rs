@@ -187,7 +187,7 @@ impl Engine {
                 terms.extend(own);
                 parts.push((start..terms.len(), part));
             }
-            doubts.extend(answer.doubt);
+            doubts.extend(answer.doubt.filter(|_| options.switches.analyser.is_none()));
         }
         let near = distance::is_needed(&question);
         let lit = terms.len();

@@ -1,6 +1,6 @@
 //! Options of the engine, and known facts about the target's trajectory.
 
-use crate::light::EarthAlbedo;
+use crate::light::{Analyser, EarthAlbedo};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -31,6 +31,8 @@ pub struct Switches {
     pub moonshine: Switch,
     /// That the lines of sight to a body's parts are not parallel.
     pub finite_distance: Switch,
+    /// Polariser before the observer of light between surfaces, for whoever wants its polarisation; none otherwise. With one, what is left out is in no error.
+    pub analyser: Option<Analyser>,
 }
 
 impl Switches {
@@ -41,6 +43,7 @@ impl Switches {
         earthshine: Switch::Off,
         moonshine: Switch::Off,
         finite_distance: Switch::Off,
+        analyser: None,
     };
 }
 
