@@ -5,9 +5,10 @@ use crate::request::Answer;
 use hifitime::Epoch;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use sunglint_calibration::reduction::frames::FrameLook;
+use sunglint_calibration::reduction::held::HeldFrames;
 use sunglint_calibration::reduction::recipe::Recipe;
 use sunglint_calibration::reduction::wings::Wings;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, Reduced, Visited, reduce};
@@ -21,12 +22,16 @@ use sunglint_radiometry::station::{Detector, Station};
 
 /// Samples of each channel in an answer at most: of more the lowest and the highest of each few are shown.
 const SAMPLES: usize = 50_000;
+/// Pixels of the visit's frames that stay in memory from one curve to the next, bytes at most.
+const HELD: usize = 256 << 20;
 
 /// Reductions of one session, one at a time; a newer wish ends the older one.
 #[derive(Debug, Default)]
 pub(crate) struct Rework {
     wishes: AtomicU64,
     one: Mutex<()>,
+    /// Frames of the visit that was reduced last.
+    held: Mutex<Option<(String, u32, Arc<HeldFrames>)>>,
     /// When the cameras expose: is taken off the frames' times.
     pub timings: Option<Timings>,
 }
@@ -126,9 +131,9 @@ impl Rework {
         recipe: &Recipe,
     ) -> Result<(Reduced, Visited), Answer> {
         recipe.check().map_err(|error| refused(&error))?;
-        if recipe.target.is_none() || recipe.visit.is_none() {
+        let Some((target, visit)) = recipe.target.as_deref().zip(recipe.visit) else {
             return Err(Answer::error(422, "the recipe names no target and visit"));
-        }
+        };
         let wish =
             Wish { number: self.wishes.fetch_add(1, Ordering::Relaxed) + 1, wishes: &self.wishes };
         let _one = self.one.lock().unwrap_or_else(PoisonError::into_inner);
@@ -145,6 +150,7 @@ impl Rework {
         recipe.apply(&mut options);
         if let Some(frames) = &mut options.frames {
             frames.timings.clone_from(&self.timings);
+            frames.held = Some(self.held(target, visit));
         }
         let mut night = reduce(session, station, &options, &wish).map_err(said)?;
         let visited = night.take(session, station).map_err(said)?;
@@ -154,6 +160,19 @@ impl Rework {
         };
         let visited = visited.ok_or_else(nothing)?;
         Ok((night, visited))
+    }
+
+    /// The frames of a visit that stay in memory; those of another one go.
+    fn held(&self, target: &str, visit: u32) -> Arc<HeldFrames> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*held {
+            Some((of, number, frames)) if of == target && *number == visit => frames.clone(),
+            _ => {
+                let frames = Arc::new(HeldFrames::new(HELD));
+                *held = Some((target.to_owned(), visit, frames.clone()));
+                frames
+            }
+        }
     }
 
     /// The curve of a visit, for the screen.

@@ -71,6 +71,14 @@ pub struct Detection {
     numbers: Vec<u32>,
 }
 
+impl Candidate {
+    /// Whether its second moments are those of a line this many times as long as what a source as wide as a line of its pixels would have.
+    pub fn is_long(&self, times: f64) -> bool {
+        let length = self.trail_px.length();
+        length > 0.0 && length * length > times * self.area_px as f64
+    }
+}
+
 impl Detection {
     /// Sources that passed all filters.
     pub fn passed(&self) -> usize {
@@ -143,7 +151,7 @@ impl Sought<'_> {
         if self.options.choice == Choice::Brightest {
             return most;
         }
-        let mut first = (8.0 * self.fwhm_px).max(TILE as f64);
+        let mut first = first_px(self.fwhm_px);
         while first < self.probably_px && first < most {
             first *= 1.25;
         }
@@ -295,6 +303,11 @@ impl Detector {
         let narrow = narrow.get_or_insert_with(|| self.image.narrow(sigma_px));
         self.image.highest(narrow, region.summit, reach) / region.peak
     }
+}
+
+/// Least distance to which the first search goes, px.
+pub(super) fn first_px(fwhm_px: f64) -> f64 {
+    (8.0 * fwhm_px).max(TILE as f64)
 }
 
 /// Sources below so many thresholds are tested for a faint cosmic ray's or a faint streak's signs; brighter ones show their shape.

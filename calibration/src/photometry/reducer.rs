@@ -5,15 +5,16 @@ use super::aperture::{self, Summing};
 use super::background::Clipping;
 use super::calibrate::FrameCalibration;
 use super::centroid::{Centroid, FWHM_PER_SIGMA, balanced, windowed};
-use super::detect::{Detection, Detector, Rejection, Sought};
+use super::detect::{Detection, Detector, Rejection, Sought, first_px};
 use super::look::{Look, Setting};
 use super::measurement::{FrameMeasurement, PlaneMeasurement, Tally};
-use super::options::{PhotometryOptions, Trail};
+use super::options::{Choice, PhotometryOptions, Trail};
 use super::overlap::Aperture;
 use super::window::{Plane, Reading};
 use crate::track::{Place, TrackPoint};
 use glam::DVec2;
 use hifitime::{Duration, Unit};
+use std::sync::Arc;
 use sunglint_formats::frame::Frame;
 use sunglint_radiometry::light_curve::Flags;
 
@@ -41,7 +42,7 @@ impl Expected {
 #[derive(Debug)]
 pub struct FrameReducer {
     options: PhotometryOptions,
-    calibration: FrameCalibration,
+    calibration: Arc<FrameCalibration>,
     desk: Desk,
     tally: Tally,
     /// How far from its expected place the last target was, px.
@@ -74,7 +75,7 @@ impl FrameReducer {
         options.check()?;
         Ok(Self {
             options,
-            calibration,
+            calibration: Arc::new(calibration),
             desk: Desk::default(),
             tally: Tally::default(),
             last_offset_px: 0.0,
@@ -103,6 +104,27 @@ impl FrameReducer {
         options.check()?;
         self.options = options;
         Ok(())
+    }
+
+    /// The same with buffers and a tally of its own: for frames side by side.
+    pub(crate) fn beside(&self) -> Self {
+        Self {
+            options: self.options.clone(),
+            calibration: self.calibration.clone(),
+            desk: Desk::default(),
+            tally: Tally::default(),
+            last_offset_px: self.last_offset_px,
+        }
+    }
+
+    /// Distance from an expected place within which a search sees every source, px: the first part of the frame that is searched, as far as sources may be off.
+    pub(crate) fn surely_px(&self) -> f64 {
+        match self.options.detection.choice {
+            Choice::Nearest => first_px(self.options.fwhm_px),
+            // Sources far off may be brighter.
+            Choice::Brightest => 0.0,
+        }
+        .min(self.options.detection.max_offset_px)
     }
 
     /// A frame that is not measured: no place, and planes without a rate, which have these flags.

@@ -1,5 +1,6 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::held::{HeldFrames, Reads};
 use super::library::Library;
 use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing;
@@ -22,7 +23,7 @@ use ndarray::Array2;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::sync_channel;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, SHARED, Session, TargetKind};
 use sunglint_numerics::measured::Interval;
@@ -169,6 +170,8 @@ pub struct FrameOptions {
     pub library: Option<Library>,
     /// When the cameras expose: what is measured is taken off their frames' times.
     pub timings: Option<Timings>,
+    /// Frames that stay in memory between one reduction and the next; without it each is read from the disk.
+    pub held: Option<Arc<HeldFrames>>,
     /// Places at which a person saw targets. In a visit with one the target is followed from frame to frame: on from each place to the next, and back from the
     /// first. Each frame's source nearest to the last place is taken, at most [`FOLLOW_APERTURES`] apertures away where the options allow any distance.
     pub places: Vec<PointedPlace>,
@@ -213,6 +216,7 @@ impl FrameOptions {
             sensor: SensorFiles::default(),
             library: None,
             timings: None,
+            held: None,
             places: Vec::new(),
             refused: Vec::new(),
         };
@@ -235,8 +239,8 @@ fn set_aperture(options: &mut PhotometryOptions, radius_px: f64) {
 const SHOWN: usize = 4;
 
 /// The name by which a library knows a camera: its own, where its frames say one, else the session's.
-fn instrument(files: &[FrameFile], camera: &str) -> String {
-    let first = files.iter().find_map(|file| file.read().ok());
+fn instrument(files: &[FrameFile], reads: Reads<'_>, camera: &str) -> String {
+    let first = files.iter().find_map(|file| reads.read(file).ok());
     let own =
         first.and_then(|frame| frame.header.text("INSTRUME").map(|name| name.trim().to_owned()));
     own.filter(|name| !name.is_empty()).unwrap_or_else(|| camera.to_owned())
@@ -265,8 +269,10 @@ pub fn camera_night(
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
     let mut options = how.photometry.clone();
-    let library = how.library.as_ref().map(|library| (library, instrument(&files, camera)));
-    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, library, &mut failed);
+    let reads = Reads(how.held.as_deref());
+    let library = how.library.as_ref().map(|library| (library, instrument(&files, reads, camera)));
+    let given = (&how.sensor, reads);
+    let mut sensor = Sensor::of(&files, &stay_of, stays, given, library, &mut failed);
     if how.library.is_some() && !stays.iter().any(|stay| stay.target.on) {
         sensor.keep_all()?;
     }
@@ -277,7 +283,7 @@ pub fn camera_night(
     if how.fwhm_from_frames {
         let airmasses: Vec<Option<f64>> = zeniths.iter().map(|z| z.map(path_length)).collect();
         let of = (&files[..], &stay_of[..], &airmasses[..]);
-        let (widths, binning) = widths(of, stays, &options, &by_hand, &mut sensor)?;
+        let (widths, binning) = widths(of, reads, stays, &options, &by_hand, &mut sensor)?;
         let of_stay = |stay: usize| in_frame(widths.of_stay(stay), binning[stay]);
         fwhm_px = (0..stays.len()).map(of_stay).collect();
         seen_widths = Some(widths);
@@ -331,7 +337,7 @@ pub fn camera_night(
         let wanted: Vec<&FrameFile> =
             order.iter().filter(|i| on_target(i).is_some()).map(|i| &files[*i]).collect();
         // One thread reads while another measures. After a failure nobody waits for frames any more.
-        scope.spawn(move || wanted.iter().all(|file| sender.send(file.read()).is_ok()));
+        scope.spawn(move || wanted.iter().all(|file| sender.send(reads.read(file)).is_ok()));
         let mut order = order.iter().copied().peekable();
         loop {
             let mut batch: Vec<Ahead> = Vec::new();
@@ -342,21 +348,25 @@ pub fn camera_night(
                     order.next();
                     continue;
                 };
-                // What is followed from a place is measured one by one.
-                let followed = by_hand.first.contains_key(&stay);
-                let goes_on = batch.first().is_none_or(|first| first.stay == stay && !followed);
+                // What is followed goes on from the last place, and to one side.
+                let back = by_hand.first.get(&stay).map(|first| i < *first);
+                let goes_on = batch.first().is_none_or(|first| {
+                    first.stay == stay && first.back == back && !by_hand.places.contains_key(&i)
+                });
                 if !goes_on || batch.len() == SIDE_BY_SIDE {
                     break;
                 }
                 step(progress, 1)?;
                 order.next();
                 let file = &files[i];
-                let mut read = ahead.recv().unwrap_or_else(|_| file.read());
+                let mut read = ahead.recv().unwrap_or_else(|_| reads.read(file));
                 let row_time_s = read.as_mut().map_or(0.0, |frame| times.take(frame, stay));
                 let airmass = zeniths[i].and_then(airmass);
                 let mut one = Ahead {
                     file: i,
                     stay,
+                    back,
+                    within_px: None,
                     frame: read.map_err(|error| error.to_string()),
                     expected: Expected { airmass, ..Expected::default() },
                     refused: by_hand.refused.contains(&i),
@@ -374,10 +384,9 @@ pub fn camera_night(
                         one.expected.aperture_radius_px =
                             Some(apertures.radius_px(stay, through, frame));
                     }
-                    let within_px = by_hand.first.get(&stay).map(|first| {
+                    one.within_px = back.map(|back| {
                         let placed = Placed { sensor_px: options.sensor_px, frame };
-                        let place =
-                            following.place(stay, i < *first, by_hand.places.get(&i), placed);
+                        let place = following.place(stay, back, by_hand.places.get(&i), placed);
                         one.expected.place_px = place.map(DVec2::from);
                         follows_within(&options, one.expected.aperture_radius_px)
                     });
@@ -385,7 +394,7 @@ pub fn camera_night(
                         Some(widths) => in_frame(widths.of_stay(stay), frame.binning),
                         None => options.fwhm_px,
                     };
-                    one.held = reducers.ready(frame, stay, fwhm_px, one.refused, within_px)?;
+                    one.held = reducers.ready(frame, stay, fwhm_px, one.refused, one.within_px)?;
                 }
                 batch.push(one);
             }
@@ -393,7 +402,16 @@ pub fn camera_night(
                 break;
             }
             let measured = reducers.measured(&batch);
-            for (one, measured) in batch.into_iter().zip(measured) {
+            for (mut one, mut measured) in batch.into_iter().zip(measured) {
+                if let Ok(frame) = &one.frame
+                    && let Some((within_px, last_px)) = one.within_px.zip(following.last_px)
+                {
+                    let place_px = Placed { sensor_px: options.sensor_px, frame }.in_frame(last_px);
+                    if reducers.looks_again(&mut one, measured.as_ref(), place_px.into(), within_px)
+                    {
+                        measured = reducers.measured(std::slice::from_ref(&one)).pop().flatten();
+                    }
+                }
                 let Ahead { file: i, stay, refused, held, frame, row_time_s, .. } = one;
                 seen[stay] += 1;
                 let measured =
@@ -707,6 +725,10 @@ struct Ahead {
     /// Index among the files.
     file: usize,
     stay: usize,
+    /// Of a visit whose target is followed, whether it is followed back.
+    back: Option<bool>,
+    /// Distance from its last place within which such a target is looked for, px.
+    within_px: Option<f64>,
     frame: Result<Frame, String>,
     expected: Expected,
     /// Whether it is not measured at all.
@@ -737,6 +759,7 @@ fn wings_of(
     fwhm_px: &dyn Fn([u32; 2]) -> f64,
     reducers: &mut Reducers<'_>,
 ) -> Result<Vec<Wings>, ReduceError> {
+    let reads = Reads(how.held.as_deref());
     let settings: BTreeSet<usize> = rows.iter().map(|row| row.setting).collect();
     let mut found = Vec::new();
     for setting in settings {
@@ -747,12 +770,15 @@ fn wings_of(
         let calibration = reducers.calibration(setting)?;
         let mut builder =
             WingsBuilder::new(how.photometry.aperture_radius_px, wide.clone(), calibration)?;
-        for row in telling.iter().step_by(telling.len().div_ceil(wings::FRAMES).max(1)) {
+        let step = telling.len().div_ceil(wings::FRAMES).max(1);
+        let some: Vec<&Row> = telling.into_iter().step_by(step).collect();
+        let look = |row: &&Row| {
             // What cannot be read any more was read a moment ago: it tells nothing.
-            if let Ok(frame) = files[row.file].read() {
-                builder.add(&frame, &row.measured);
-            }
-        }
+            let frame = reads.read(&files[row.file]).ok()?;
+            Some(builder.ratios(&frame, &row.measured))
+        };
+        let ratios: Vec<_> = some.par_iter().filter_map(look).collect();
+        ratios.into_iter().for_each(|ratios| builder.add(ratios));
         let of_it = rows.iter_mut().filter(|row| row.setting == setting);
         let mut of_it = of_it.map(|row| &mut row.measured).peekable();
         let colours = of_it.peek().map(|m| m.planes.iter().map(|p| p.colour).collect());
@@ -913,6 +939,29 @@ impl<'a> Reducers<'a> {
         }
     }
 
+    /// Expects a target that is followed where it was last. Frames that are measured side by side expect it where it was before the first of them: returns whether that may
+    /// have led to another target, or to none, so that the frame is to be measured again.
+    fn looks_again(
+        &self,
+        one: &mut Ahead,
+        measured: Option<&Result<Measured, PhotometryError>>,
+        place_px: DVec2,
+        within_px: f64,
+    ) -> bool {
+        let looked_px = one.expected.place_px.replace(place_px);
+        let (Some(Ok(found)), Some(looked_px)) = (measured, looked_px) else { return false };
+        let moved_px = looked_px.distance(place_px);
+        if moved_px == 0.0 {
+            return false;
+        }
+        let Some(found_px) = found.measurement.place_px else { return true };
+        // A source that is nearer to the place than this one would have been seen, too.
+        let off_px = found_px.distance(place_px);
+        let alone = found.measurement.candidates == 1;
+        let surely_px = self.held[one.held].reducer.surely_px();
+        !(alone && off_px <= within_px && off_px + moved_px <= surely_px)
+    }
+
     /// Keeps a measurement in its reducer's tally; without one the frame has no rate.
     fn keep(
         &mut self,
@@ -995,6 +1044,7 @@ impl<'a> Reducers<'a> {
 /// Widths of points at each stay and airmass, and the binning of each stay; a stay that does not tell has the median of those that do, or what the options say.
 fn widths(
     (files, stay_of, airmasses): (&[FrameFile], &[Option<usize>], &[Option<f64>]),
+    reads: Reads<'_>,
     stays: &[Stay],
     options: &PhotometryOptions,
     by_hand: &ByHand,
@@ -1011,7 +1061,7 @@ fn widths(
         let expected =
             Expected { place_px: place_px.copied().map(DVec2::from), ..Expected::default() };
         // As the first of its frames was taken.
-        let first = of_it.iter().find_map(|i| files[*i].read().ok());
+        let first = of_it.iter().find_map(|i| reads.read(&files[*i]).ok());
         let Some(first) = first else { continue };
         let taken = Taken::of(&first);
         let binned = binned(first.binning);
@@ -1020,12 +1070,12 @@ fn widths(
             known = Some((taken.clone(), sensor.calibration(&taken)?));
         }
         let of_one =
-            |i: &usize| files[*i].read().is_ok_and(|frame| Taken::of(&frame).is_like(&taken));
+            |i: &usize| reads.read(&files[*i]).is_ok_and(|frame| Taken::of(&frame).is_like(&taken));
         let mixed = of_it.last().is_some_and(|last| !of_one(last));
         let of_it = if mixed { of_it.into_iter().filter(of_one).collect() } else { of_it };
         let Some((_, calibration)) = &known else { continue };
         let seen: Vec<&FrameFile> = of_it.iter().map(|i| &files[*i]).collect();
-        let Some(width) = seeing::fwhm_px(&seen, options, calibration, &expected)? else {
+        let Some(width) = seeing::fwhm_px((&seen, reads), options, calibration, &expected)? else {
             continue;
         };
         let told = &mut told[number];

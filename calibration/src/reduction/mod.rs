@@ -7,6 +7,7 @@ pub mod counts;
 mod error;
 pub mod folder;
 pub mod frames;
+pub mod held;
 pub mod join;
 pub mod library;
 pub mod night;

@@ -1,9 +1,11 @@
 //! How wide points are on the frames of a stay: what the filters of the detection and the centroids go by.
 
+use super::held::Reads;
 use super::widths::{aperture_px, most_px};
 use crate::photometry::{
     Expected, FrameCalibration, FrameReducer, PhotometryError, PhotometryOptions,
 };
+use rayon::prelude::*;
 use std::path::PathBuf;
 use sunglint_formats::Frame;
 use sunglint_formats::session::FrameFile;
@@ -38,16 +40,16 @@ pub struct Width {
 /// # Errors
 /// Options out of their range.
 pub fn fwhm_px(
-    files: &[&FrameFile],
+    (files, reads): (&[&FrameFile], Reads<'_>),
     options: &PhotometryOptions,
     calibration: &FrameCalibration,
     expected: &Expected,
 ) -> Result<Option<Width>, PhotometryError> {
     let step = files.len().div_ceil(LOOKS).max(1);
     // What cannot be read is told of when it is measured.
-    let read = |file: &&&FrameFile| Some((file.path.clone(), file.read().ok()?));
-    let frames: Vec<(PathBuf, Frame)> =
-        files.iter().step_by(step).filter_map(|f| read(&f)).collect();
+    let read = |file: &&FrameFile| Some((file.path.clone(), reads.read(file).ok()?));
+    let looked: Vec<&FrameFile> = files.iter().step_by(step).copied().collect();
+    let frames: Vec<(PathBuf, Frame)> = looked.par_iter().filter_map(read).collect();
     let look = |tried_px| Seen::of(&frames, tried_px, options, calibration, expected);
     let mut best = None;
     for tried_px in TRIED_PX {
@@ -92,27 +94,31 @@ fn adapted(
     expected: &Expected,
 ) -> Result<Width, PhotometryError> {
     let start = PhotometryOptions { fwhm_px: width.fwhm_px, ..options.clone() };
-    let mut reducer = FrameReducer::new(start, calibration.clone())?;
-    let mut adapted = Vec::new();
-    for (path, first_px) in &width.of_files {
-        let Some((_, frame)) = frames.iter().find(|(of, _)| of == path) else { continue };
-        let mut fwhm_px = first_px.clamp(width.fwhm_px / WIDEST, width.fwhm_px * WIDEST);
-        for _ in 0..ROUNDS {
-            reducer.set_fwhm_px(fwhm_px)?;
-            // What cannot be measured is told of later.
-            let measured = reducer.measure(frame, &through(expected, fwhm_px, frame)).ok();
-            let Some(next) = measured.and_then(|m| m.fwhm_px).filter(|px| *px > 0.0) else { break };
-            let settled = (next / fwhm_px - 1.0).abs() < SAME;
-            if !(width.fwhm_px / WIDEST..=width.fwhm_px * WIDEST).contains(&next) {
-                break;
+    let reducer = FrameReducer::new(start, calibration.clone())?;
+    let range = width.fwhm_px / WIDEST..=width.fwhm_px * WIDEST;
+    let one =
+        |(path, first_px): &(PathBuf, f64)| -> Result<Option<(PathBuf, f64)>, PhotometryError> {
+            let Some((_, frame)) = frames.iter().find(|(of, _)| of == path) else {
+                return Ok(None);
+            };
+            let mut reducer = reducer.beside();
+            let mut fwhm_px = first_px.clamp(*range.start(), *range.end());
+            for _ in 0..ROUNDS {
+                reducer.set_fwhm_px(fwhm_px)?;
+                // What cannot be measured is told of later.
+                let measured = reducer.measure(frame, &through(expected, fwhm_px, frame)).ok();
+                let next = measured.and_then(|m| m.fwhm_px).filter(|px| range.contains(px));
+                let Some(next) = next.filter(|px| *px > 0.0) else { return Ok(None) };
+                let settled = (next / fwhm_px - 1.0).abs() < SAME;
+                fwhm_px = next;
+                if settled {
+                    return Ok(Some((path.clone(), fwhm_px)));
+                }
             }
-            fwhm_px = next;
-            if settled {
-                adapted.push((path.clone(), fwhm_px));
-                break;
-            }
-        }
-    }
+            Ok(None)
+        };
+    let found: Result<Vec<_>, PhotometryError> = width.of_files.par_iter().map(one).collect();
+    let adapted: Vec<(PathBuf, f64)> = found?.into_iter().flatten().collect();
     if 2 * adapted.len() >= width.of_files.len()
         && let Some(fwhm_px) = median(adapted.iter().map(|(_, px)| *px))
     {
@@ -130,8 +136,8 @@ struct Seen {
 
 impl Seen {
     /// `None` on fewer than half of the frames, or of points too wide for the filter.
-    fn of(
-        frames: &[(PathBuf, Frame)],
+    fn of<'a>(
+        frames: &'a [(PathBuf, Frame)],
         tried_px: f64,
         options: &PhotometryOptions,
         calibration: &FrameCalibration,
@@ -139,16 +145,20 @@ impl Seen {
     ) -> Result<Option<Self>, PhotometryError> {
         let options = PhotometryOptions { fwhm_px: tried_px, ..options.clone() };
         let mut reducer = FrameReducer::new(options, calibration.clone())?;
-        let found: Vec<(&PathBuf, f64, bool)> = frames
-            .iter()
-            .filter_map(|(path, frame)| {
-                let expected = through(expected, tried_px, frame);
-                let measured = reducer.measure(frame, &expected).ok()?;
-                let saturated = measured.planes.iter().any(|plane| plane.saturated_pixels > 0);
-                measured.fwhm_px.map(|fwhm_px| (path, fwhm_px, saturated))
-            })
-            .filter(|(_, fwhm_px, _)| fwhm_px.is_finite() && *fwhm_px >= 0.5)
-            .collect();
+        let look = |reducer: &mut FrameReducer, (path, frame): &'a (PathBuf, Frame)| {
+            let expected = through(expected, tried_px, frame);
+            let measured = reducer.measure(frame, &expected).ok()?;
+            let saturated = measured.planes.iter().any(|plane| plane.saturated_pixels > 0);
+            let fwhm_px = measured.fwhm_px.filter(|px| px.is_finite() && *px >= 0.5)?;
+            Some((path, fwhm_px, saturated))
+        };
+        // The first tells where the others look first.
+        let Some((first, others)) = frames.split_first() else { return Ok(None) };
+        let first = look(&mut reducer, first);
+        let others = others.par_iter().map(|frame| look(&mut reducer.beside(), frame));
+        let others: Vec<Option<(&PathBuf, f64, bool)>> = others.collect();
+        let found: Vec<(&PathBuf, f64, bool)> =
+            std::iter::once(first).chain(others).flatten().collect();
         if found.is_empty() || 2 * found.len() < frames.len() {
             return Ok(None);
         }
@@ -234,8 +244,13 @@ mod tests {
             }
             let all: Vec<&FrameFile> = files.iter().collect();
             let options = PhotometryOptions::new([100, 100], 2.0);
-            let seen = fwhm_px(&all, &options, &FrameCalibration::default(), &Expected::default())
-                .unwrap();
+            let seen = fwhm_px(
+                (&all, Reads::default()),
+                &options,
+                &FrameCalibration::default(),
+                &Expected::default(),
+            )
+            .unwrap();
             let seen = seen.unwrap();
             assert!((seen.fwhm_px / 1.4 - 1.0).abs() < 0.25, "{settling:?}: {seen:?}");
         }
@@ -252,9 +267,14 @@ mod tests {
             let files = files(peaks, wide_px, &folder);
             let files: Vec<&FrameFile> = files.iter().collect();
             let options = PhotometryOptions::new([100, 100], 2.0);
-            fwhm_px(&files, &options, &FrameCalibration::default(), &Expected::default())
-                .unwrap()
-                .unwrap()
+            fwhm_px(
+                (&files, Reads::default()),
+                &options,
+                &FrameCalibration::default(),
+                &Expected::default(),
+            )
+            .unwrap()
+            .unwrap()
         };
         let width = |peaks: &[f64]| width_of(peaks, 4.0);
         let fair = width(&[2e4; 5]);

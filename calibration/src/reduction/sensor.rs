@@ -2,14 +2,16 @@
 
 use super::error::Within as _;
 use super::frames::SensorFiles;
+use super::held::Reads;
 use super::library::{Found, Library, MasterKind};
 use super::{ReduceError, Stay};
 use crate::photometry::field::cut_flat;
 use crate::photometry::{BadPixels, FrameCalibration, MasterFrame, PixelFault};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
-use sunglint_formats::Frame;
 use sunglint_formats::session::{FILTER_DOUBTED, FLAT_LEVEL, FrameFile, TargetKind, is_near_level};
+use sunglint_formats::{FileError, Frame};
 
 /// More dark frames, bias frames or flats of one setting add nothing, and are left out.
 const MOST: usize = 64;
@@ -161,7 +163,7 @@ struct Kind {
 impl Kind {
     fn of(
         kind: TargetKind,
-        files: &[FrameFile],
+        (files, reads): (&[FrameFile], Reads<'_>),
         stay_of: &[Option<usize>],
         stays: &[Stay],
         failed: &mut Vec<(FrameFile, String)>,
@@ -169,13 +171,18 @@ impl Kind {
         let is_it =
             |stay: &Option<usize>| stay.is_some_and(|s| stays[s].target.target_kind == kind);
         let found = files.iter().zip(stay_of).filter(|(_, stay)| is_it(stay));
+        let found: Vec<&FrameFile> = found.map(|(file, _)| file).take(MOST_FILES).collect();
+        let look = |file: &&FrameFile| {
+            let frame = reads.read(file)?;
+            Ok(unfit(kind, &frame).map_or_else(|| Ok(Taken::of(&frame)), Err))
+        };
+        let looked: Vec<Result<Result<Taken, String>, FileError>> =
+            found.par_iter().map(look).collect();
         let mut all = Self::default();
-        for (file, _) in found.take(MOST_FILES) {
-            match file.read() {
-                Ok(frame) => match unfit(kind, &frame) {
-                    Some(why) => *all.refused.entry(why).or_default() += 1,
-                    None => all.files.push((file.clone(), Taken::of(&frame))),
-                },
+        for (file, looked) in found.into_iter().zip(looked) {
+            match looked {
+                Ok(Ok(taken)) => all.files.push((file.clone(), taken)),
+                Ok(Err(why)) => *all.refused.entry(why).or_default() += 1,
                 Err(error) => failed.push((file.clone(), error.to_string())),
             }
         }
@@ -204,10 +211,11 @@ impl Kind {
     }
 
     /// Those that fit; none where they are too few.
-    fn fitting(&mut self, fits: impl Fn(&Taken) -> bool) -> Vec<Frame> {
+    fn fitting(&mut self, reads: Reads<'_>, fits: impl Fn(&Taken) -> bool) -> Vec<Frame> {
         let fitting = self.files.iter().filter(|(_, taken)| fits(taken)).take(MOST);
-        let read = |(file, _): &(FrameFile, Taken)| Some((file.path.clone(), file.read().ok()?));
-        let frames: Vec<_> = fitting.filter_map(read).collect();
+        let fitting: Vec<&FrameFile> = fitting.map(|(file, _)| file).collect();
+        let read = |file: &&FrameFile| Some((file.path.clone(), reads.read(file).ok()?));
+        let frames: Vec<_> = fitting.par_iter().filter_map(read).collect();
         if frames.len() < LEAST {
             return Vec::new();
         }
@@ -221,6 +229,7 @@ impl Kind {
 #[derive(Debug)]
 pub struct Sensor<'a> {
     given: &'a SensorFiles,
+    reads: Reads<'a>,
     darks: Kind,
     bias: Kind,
     flats: Kind,
@@ -234,6 +243,8 @@ pub struct Sensor<'a> {
     pub warnings: Vec<String>,
     /// How frames of targets were taken, some of them spread over the night.
     usual: Vec<Taken>,
+    /// The calibration that was made last, and for which frames.
+    made: Option<(Taken, FrameCalibration)>,
 }
 
 /// Uses of a session's calibration frames.
@@ -255,11 +266,11 @@ impl<'a> Sensor<'a> {
         files: &[FrameFile],
         stay_of: &[Option<usize>],
         stays: &[Stay],
-        given: &'a SensorFiles,
+        (given, reads): (&'a SensorFiles, Reads<'a>),
         library: Option<(&'a Library, String)>,
         failed: &mut Vec<(FrameFile, String)>,
     ) -> Self {
-        let mut kind = |kind| Kind::of(kind, files, stay_of, stays, failed);
+        let mut kind = |kind| Kind::of(kind, (files, reads), stay_of, stays, failed);
         let none = given.darks.is_empty();
         let darks = if none { kind(TargetKind::Dark) } else { Kind::default() };
         let bias = if none { kind(TargetKind::Bias) } else { Kind::default() };
@@ -271,8 +282,9 @@ impl<'a> Sensor<'a> {
             .map(|(file, _)| file)
             .collect();
         let step = on.len().div_ceil(MOST).max(1);
-        let usual = on.iter().step_by(step);
-        let usual = usual.filter_map(|file| Some(Taken::of(&file.read().ok()?))).collect();
+        let some: Vec<&FrameFile> = on.iter().step_by(step).copied().collect();
+        let usual = some.par_iter().filter_map(|file| Some(Taken::of(&reads.read(file).ok()?)));
+        let usual = usual.collect();
         let mut warnings: Vec<String> =
             library.as_ref().map(|(library, _)| library.warnings.clone()).unwrap_or_default();
         for (kind, name) in [(&darks, "dark frames"), (&bias, "bias frames"), (&flats, "flats")] {
@@ -280,6 +292,7 @@ impl<'a> Sensor<'a> {
         }
         Self {
             given,
+            reads,
             darks,
             bias,
             flats,
@@ -288,6 +301,7 @@ impl<'a> Sensor<'a> {
             to_library: BTreeSet::new(),
             warnings,
             usual,
+            made: None,
         }
     }
 
@@ -329,7 +343,7 @@ impl<'a> Sensor<'a> {
 
     /// The mean of the session's bias frames that fit, else the library's.
     fn bias_for(&mut self, taken: &Taken) -> Result<Option<MasterFrame>, ReduceError> {
-        let bias = self.bias.fitting(|bias| bias.fits_bias(taken));
+        let bias = self.bias.fitting(self.reads, |bias| bias.fits_bias(taken));
         if bias.is_empty() {
             let found = self.master_for(MasterKind::Bias, |bias| bias.fits_bias(taken));
             return Ok(found.map(|found| found.frame));
@@ -344,6 +358,15 @@ impl<'a> Sensor<'a> {
     /// # Errors
     /// Files that were given and do not fit each other.
     pub fn calibration(&mut self, taken: &Taken) -> Result<FrameCalibration, ReduceError> {
+        if let Some((_, made)) = self.made.as_ref().filter(|(of, _)| of == taken) {
+            return Ok(made.clone());
+        }
+        let made = self.make(taken)?;
+        self.made = Some((taken.clone(), made.clone()));
+        Ok(made)
+    }
+
+    fn make(&mut self, taken: &Taken) -> Result<FrameCalibration, ReduceError> {
         let mut calibration = FrameCalibration::default();
         let darks = match self.given.darks.is_empty() {
             true => self.darks_for(taken),
@@ -373,7 +396,7 @@ impl<'a> Sensor<'a> {
         }
         let Some(dark) = calibration.dark.clone() else { return Ok(calibration) };
         let flats = match self.given.flats.is_empty() {
-            true => self.flats.fitting(|flat| flat.fits_flat(taken)),
+            true => self.flats.fitting(self.reads, |flat| flat.fits_flat(taken)),
             false => self.given.flats.clone(),
         };
         let mut flat = None;
@@ -417,7 +440,7 @@ impl<'a> Sensor<'a> {
     /// Calibration frames that do not fit each other, or are none.
     pub fn keep_all(&mut self) -> Result<(), ReduceError> {
         for like in self.darks.settings(Taken::fits) {
-            let darks = self.darks.fitting(|dark| dark.fits(&like));
+            let darks = self.darks.fitting(self.reads, |dark| dark.fits(&like));
             if darks.is_empty() {
                 continue;
             }
@@ -431,7 +454,7 @@ impl<'a> Sensor<'a> {
             self.bias_for(&like)?;
         }
         for like in self.flats.settings(Taken::fits_flat) {
-            let flats = self.flats.fitting(|flat| flat.fits_flat(&like));
+            let flats = self.flats.fitting(self.reads, |flat| flat.fits_flat(&like));
             if flats.is_empty() {
                 continue;
             }
@@ -456,7 +479,7 @@ impl<'a> Sensor<'a> {
     /// The dark frames that fit most of the frames that were taken like this one; all of them where no frame of a target can be read.
     fn darks_for(&mut self, taken: &Taken) -> Vec<Frame> {
         if self.usual.is_empty() {
-            return self.darks.fitting(|_| true);
+            return self.darks.fitting(self.reads, |_| true);
         }
         let alike: Vec<&Taken> = self.usual.iter().filter(|usual| usual.is_like(taken)).collect();
         let darks = |frame: &Taken| self.darks.files.iter().filter(|(_, d)| d.fits(frame)).count();
@@ -465,7 +488,7 @@ impl<'a> Sensor<'a> {
             .iter()
             .max_by_key(|a| (alike.iter().filter(|b| a.fits(b)).count(), darks(a)))
             .map_or_else(|| taken.clone(), |usual| (*usual).clone());
-        self.darks.fitting(|dark| dark.fits(&usual))
+        self.darks.fitting(self.reads, |dark| dark.fits(&usual))
     }
 
     /// Frames that were used so far.
@@ -575,6 +598,7 @@ mod tests {
         fn sensor<'a>(&self, given: &'a SensorFiles, library: Option<&'a Library>) -> Sensor<'a> {
             let library = library.map(|library| (library, "cam".to_owned()));
             let (files, stay_of, stays) = (&self.files, &self.stay_of, &self.stays);
+            let given = (given, Reads::default());
             Sensor::of(files, stay_of, stays, given, library, &mut Vec::new())
         }
     }

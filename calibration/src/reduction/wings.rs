@@ -127,23 +127,30 @@ impl WingsBuilder {
         measured.aperture.is_some() && measured.planes.iter().any(tells)
     }
 
-    /// Measures a frame in the wide aperture, at the same place.
-    pub fn add(&mut self, frame: &Frame, measured: &FrameMeasurement) {
-        let Some(aperture) = measured.aperture else { return };
+    /// Measures a frame in the wide aperture, at the same place: the ratios of its colours that tell.
+    pub fn ratios(&self, frame: &Frame, measured: &FrameMeasurement) -> Vec<(Colour, f64)> {
+        let Some(aperture) = measured.aperture else { return Vec::new() };
         let expected = Expected { trail_px: Some(aperture.trail_px), ..Expected::default() };
-        let Ok(wide) = self.reducer.measure_among(frame, aperture.centre_px, &expected) else {
-            return;
+        let mut reducer = self.reducer.beside();
+        let Ok(wide) = reducer.measure_among(frame, aperture.centre_px, &expected) else {
+            return Vec::new();
         };
         let bad = Flags::CROWDED | Flags::SATURATED | Flags::MASKED_PIXELS;
-        let before = self.ratios.len();
+        let mut ratios = Vec::new();
         for (wide, small) in wide.planes.iter().zip(&measured.planes) {
             let rate = wide.rate_adu_per_s;
             let sure = rate > 0.0 && wide.sigma.total() < DIM * rate;
             if sure && small.rate_adu_per_s > 0.0 && !(wide.flags | small.flags).intersects(bad) {
-                self.ratios.push((small.colour, rate / small.rate_adu_per_s));
+                ratios.push((small.colour, rate / small.rate_adu_per_s));
             }
         }
-        self.frames += usize::from(self.ratios.len() > before);
+        ratios
+    }
+
+    /// Adds the ratios of a frame.
+    pub fn add(&mut self, ratios: Vec<(Colour, f64)>) {
+        self.frames += usize::from(!ratios.is_empty());
+        self.ratios.extend(ratios);
     }
 
     /// The median ratio of each colour, with the standard error that their scatter gives it; a colour that too few frames tell has that of all colours.
