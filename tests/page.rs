@@ -19,6 +19,8 @@ pub(crate) struct Serving {
     pub(crate) child: Child,
     /// Address with the token, where there is one.
     pub(crate) url: String,
+    /// What it said before.
+    pub(crate) said: String,
 }
 
 impl Serving {
@@ -54,7 +56,7 @@ impl Serving {
         };
         // Somebody goes on reading, or the pipe fills.
         std::thread::spawn(move || lines.for_each(drop));
-        Self { child, url }
+        Self { child, url, said }
     }
 
     fn host(&self) -> String {
@@ -266,6 +268,13 @@ fn a_recorded_session_in_a_browser() {
     browser.until("sunglint.sky?.target?.[1][1] > 30");
     looks_good(&mut browser, "recorded");
     assert_eq!(browser.complaints, Vec::<String>::new());
+    // Of all sources one is marked; the line below tells how many there are.
+    browser.click("#sources");
+    browser.until("/ · \\d+ sources/.test(document.getElementById('measured').innerText)");
+    // Were a text ever taken for markup, the browser would refuse it.
+    let policy = browser.run("['innerHTML', 'script'].map((how) => { try { if (how === 'script') { const s = document.createElement('script'); s.text = 'window.bad = 1'; document.body.append(s); } else document.body.innerHTML = '<b>x</b>'; return 'taken'; } catch (error) { return error.name; } })");
+    assert_eq!(policy, json!(["TypeError", "TypeError"]));
+    assert_eq!(browser.run("typeof window.bad"), "undefined");
     assert_eq!(serving.interrupt(), Some(0));
     // A control is refused: nothing here can be steered.
     let message = folder.refused(1, &["page", "nowhere", "--no-open"]);
@@ -450,6 +459,74 @@ pub(crate) fn clients(serving: &Serving) -> Vec<TcpStream> {
     all
 }
 
+/// Stop is on the screen, and under nothing, wherever somebody looks: at the top, in the middle and at the end of the page, on a telephone and on a laptop.
+fn stop_is_in_reach(browser: &mut Browser) {
+    for (width, height) in [(400, 800), (1280, 900), (2560, 1440)] {
+        browser.size(width, height);
+        for part in ["0", "0.5", "1"] {
+            let script = format!(
+                "(async () => {{ scrollTo(0, {part} * document.documentElement.scrollHeight); await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+                 const b = document.getElementById('stop'); const r = b.getBoundingClientRect(); return b.contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2)); }})()"
+            );
+            assert_eq!(browser.run(&script), true, "{width} px, at {part}");
+        }
+    }
+    browser.size(1280, 900);
+}
+
+/// The sky of a running night six hours ahead, and what lies under the pointer. Truth: the sky turns about the pole by 15.04107° an hour of UTC (24 h / 23 h 56 min 4.09 s): each star that is up
+/// both times stands there, to 0.1° (six hours of precession and aberration are some arcseconds). The formula that turns it is held to closed forms: the equator's points, the zenith, the pole.
+fn the_sky_ahead(browser: &mut Browser) {
+    let at = browser.run("import('/page.js').then((page) => [page.horizontal(48.78, 90, 0), page.horizontal(48.78, 0, 48.78), page.horizontal(48.78, 37, 90)])");
+    for (k, truth) in [[270.0, 0.0], [f64::NAN, 90.0], [0.0, 48.78]].iter().enumerate() {
+        for i in 0..2 {
+            let found = at[k][i].as_f64().unwrap();
+            let off = (found - truth[i] + 180.0).rem_euclid(360.0) - 180.0;
+            // The square root of the rounding at the zenith.
+            assert!(truth[i].is_nan() || off.abs() < 1e-5, "{k}: {at}");
+        }
+    }
+    let stars = "sunglint.sky.stars.map((s) => [s.plan_name, ...s.at_deg])";
+    let table = |value: &Value| -> Vec<(String, [f64; 2])> {
+        let of = |row: &Value| (row[0].to_string(), [1, 2].map(|i| row[i].as_f64().unwrap()));
+        value.as_array().unwrap().iter().map(of).collect()
+    };
+    let before = browser.run(&format!("[sunglint.sky.at_s, {stars}]"));
+    browser.run("(() => { const s = document.getElementById('ahead'); s.value = '21600'; s.dispatchEvent(new Event('input')); })()");
+    browser.until("sunglint.sky.at_s - sunglint.live.now_s > 21500");
+    assert!(browser.text("#sky-text").contains("in 6 h 00 min"), "{}", browser.text("#sky-text"));
+    let after = browser.run(&format!("[sunglint.sky.at_s, {stars}]"));
+    let turned = 15.041_07 / 3600.0 * (after[0].as_f64().unwrap() - before[0].as_f64().unwrap());
+    let latitude = 48.7822_f64.to_radians();
+    let (then, mut seen) = (table(&after[1]), 0);
+    for (name, [azimuth, altitude]) in table(&before[1]) {
+        let Some((_, found)) = then.iter().find(|(other, _)| *other == name) else { continue };
+        let (a, h) = (azimuth.to_radians(), altitude.to_radians());
+        let sin_d = latitude.sin() * h.sin() + latitude.cos() * h.cos() * a.cos();
+        let hour = (-h.cos() * a.sin())
+            .atan2(latitude.cos() * h.sin() - latitude.sin() * h.cos() * a.cos());
+        let (hour, d) = (hour + f64::to_radians(turned), sin_d.asin());
+        let up = latitude.sin() * d.sin() + latitude.cos() * d.cos() * hour.cos();
+        let north = latitude.cos() * d.sin() - latitude.sin() * d.cos() * hour.cos();
+        let truth = [(-d.cos() * hour.sin()).atan2(north), up.asin()];
+        let around = (found[0] - truth[0].to_degrees() + 180.0).rem_euclid(360.0) - 180.0;
+        let off = (around * truth[1].cos()).hypot(found[1] - truth[1].to_degrees());
+        assert!(off < 0.1, "{name}: {found:?}, off by {off}°");
+        seen += 1;
+    }
+    assert!(seen > 20, "{seen}");
+    // Under the pointer: the name of a star.
+    let star = browser.run("(() => { const e = document.getElementById('sky'); e.scrollIntoView({block: 'center'}); const r = e.getBoundingClientRect(); const far = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+        const s = sunglint.sky.stars.find((s) => s.name && s.at_deg[1] > 10 && sunglint.sky.stars.every((o) => o === s || far(sunglint.place(o.at_deg), sunglint.place(s.at_deg)) > 30)); const [x, y] = sunglint.place(s.at_deg); return [s.name, r.left + x, r.top + y]; })()");
+    let moved = json!({"type": "mouseMoved", "x": star[1], "y": star[2]});
+    browser.call("Input.dispatchMouseEvent", moved);
+    browser.settle();
+    let said = browser.text("#sky-text");
+    assert!(said.starts_with(star[0].as_str().unwrap()), "{said} for {star}");
+    browser.run("(() => { const s = document.getElementById('ahead'); s.value = '0'; s.dispatchEvent(new Event('input')); })()");
+    browser.until("Math.abs(sunglint.sky.at_s - sunglint.live.now_s) < 10");
+}
+
 /// A night that runs, looked at and steered by clicks. Truth: the session that it leaves: every click is an event of its log, in order, and the targets change by them; it is whole, no bin is
 /// missing though a page and 1,000 silent or slow clients look on. What the page's threads cost is in `campaign_page`.
 #[test]
@@ -468,6 +545,8 @@ fn a_night_is_steered_from_the_page() {
     assert!(browser.text("#target").starts_with("sky"), "{}", browser.text("#target"));
     assert!(browser.text("#next").contains("Polaris"));
     looks_good(&mut browser, "live");
+    stop_is_in_reach(&mut browser);
+    the_sky_ahead(&mut browser);
     browser.until("document.querySelector('#disk').innerText.includes('free')");
     // Each bin and each frame that is drawn is a new one.
     let drawn = browser.run(
@@ -882,6 +961,7 @@ window_px = [545, 369, 300, 300]
 device = "virtual"
 camera = "cam"
 sun_limit_deg = 20
+past_meridian_deg = 5
 [[visit]]
 star = "{}"
 for_s = 200
@@ -921,6 +1001,8 @@ for_s = 300
     // Focus over the time, of the frames that were measured.
     browser.until("!document.getElementById('looks-box').hidden && sunglint.looks.fwhm_px.filter((v) => v > 1 && v < 20).length > 5");
     looks_good(&mut browser, "mount");
+    // Where it turns over: the plan's own number.
+    assert_eq!(browser.run("sunglint.about.flip.past_deg"), 5.0);
     // The telescope looks to the right, so that the light goes to the left.
     browser.run("(() => { const s = document.getElementById('mount-step'); s.append(new Option('45″', '45')); s.value = '45'; })()");
     browser.click("[data-jog='1,0']");

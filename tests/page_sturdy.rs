@@ -33,6 +33,11 @@ fn a_page_learns_of_its_token() {
     let Some(mut browser) = Browser::start("a_page_learns_of_its_token") else { return };
     let folder = Folder::new("page-token");
     let serving = night(&folder, "0.0.0.0:0");
+    let said = &serving.said;
+    assert!(
+        said.contains("open to other computers") && said.contains("without encryption"),
+        "{said}"
+    );
     let port = serving.url.split("0.0.0.0:").nth(1).unwrap().split('/').next().unwrap();
     let token = serving.url.split("#token=").nth(1).unwrap().to_owned();
     let bare = format!("http://127.0.0.1:{port}/");

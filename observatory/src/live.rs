@@ -4,6 +4,7 @@
 //! thread empties the queue twenty times a second. Readers ask for what came [since](LiveState::since) they asked last, so that any number of them, at any
 //! speed, costs nothing but their own answers.
 
+use super::mount::MountPlan;
 use super::night::Night;
 use super::schedule::Slot;
 use super::status::{Snapshot, Status};
@@ -616,6 +617,8 @@ struct Inner {
     can_pause: bool,
     /// Least distance of the mount from the Sun, deg.
     sun_limit_deg: Option<f64>,
+    /// Hour angle up to which a mount that may turn over follows, deg.
+    past_meridian_deg: Option<f64>,
     waiting: bool,
     /// Whether it was started by somebody who looked on.
     started: bool,
@@ -702,6 +705,9 @@ impl LiveState {
         inner.name = name.to_string_lossy().into_owned();
         inner.can_pause = can_pause;
         inner.sun_limit_deg = night.mount.as_ref().map(|mount| mount.sun_limit_deg());
+        let turns = |mount: &&MountPlan| mount.german != Some(false);
+        inner.past_meridian_deg =
+            night.mount.as_ref().filter(turns).map(|mount| mount.past_meridian_deg());
         inner.waiting = false;
         inner.clock = Some(night.manifest.clock.clone());
         inner.devices.clear();
@@ -841,6 +847,11 @@ impl LiveState {
     /// Least distance of the mount from the Sun, deg; `None` without a mount.
     pub fn sun_limit_deg(&self) -> Option<f64> {
         lock(&self.inner).sun_limit_deg
+    }
+
+    /// Hour angle past the meridian up to which the mount follows before it is turned over, deg; `None` without a mount that may turn over.
+    pub fn past_meridian_deg(&self) -> Option<f64> {
+        lock(&self.inner).past_meridian_deg
     }
 
     /// The devices.

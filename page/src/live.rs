@@ -3,9 +3,9 @@
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::magnitudes::{Calibration, Off, PointMagnitudes, Points, Scale, sky_of};
-use crate::marks::{Look, marks};
+use crate::marks::{Look, More, marks};
 use crate::predicted::StarCurves;
-use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
+use crate::recorded::{About, DeviceView, FlipView, VisitView, fibres, flag_names, unix_ms};
 use crate::request::{Answer, Request, Source};
 use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
@@ -21,7 +21,7 @@ use sunglint_observatory::live::{
 };
 use sunglint_observatory::{Pointing, Schedule, Slot};
 use sunglint_radiometry::light_curve::LightCurve;
-use sunglint_radiometry::station::Station;
+use sunglint_radiometry::station::{Mount, Station};
 
 /// The words of a page's commands.
 const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, lock, keep, jog, halt, park or follow";
@@ -36,7 +36,7 @@ pub struct LiveNight {
     state: Arc<LiveState>,
     program: String,
     /// Marks of the last frame that somebody asked for: one measurement for all pages.
-    marked: Mutex<Option<(String, Epoch, Answer)>>,
+    marked: Mutex<Option<Marked>>,
     /// Focus and background of the frames that were measured, by camera.
     looks: Mutex<HashMap<String, VecDeque<Look>>>,
     corrected: OnceLock<Corrected>,
@@ -45,6 +45,16 @@ pub struct LiveNight {
     stars: Mutex<StarCurves>,
     calibration: Option<Calibration>,
     scale: OnceLock<Result<Scale, String>>,
+}
+
+/// Marks that were measured last.
+#[derive(Debug)]
+struct Marked {
+    camera: String,
+    start: Epoch,
+    /// Whether all sources are among them.
+    sources: bool,
+    answer: Answer,
 }
 
 /// State of the night, with the counts that came without dead time and dark counts.
@@ -70,6 +80,7 @@ struct HistoryView {
 struct LooksView {
     start_s: Vec<f64>,
     fwhm_px: Vec<Option<f64>>,
+    hfr_px: Vec<Option<f64>>,
     background_adu: Vec<Option<f64>>,
 }
 
@@ -248,9 +259,18 @@ impl LiveNight {
             clock: None,
             flag_names: flag_names(),
             sun_limit_deg: self.state.sun_limit_deg(),
+            flip: self.flip(&station),
             warnings,
             magnitudes,
         }))
+    }
+
+    /// Where the mount turns over: an equatorial one that is not known to be a fork.
+    fn flip(&self, station: &Station) -> Option<FlipView> {
+        let past_deg = self.state.past_meridian_deg()?;
+        let latitude_deg = station.site.geodetic().latitude_deg;
+        (station.telescope.mount == Mount::Equatorial)
+            .then_some(FlipView { latitude_deg, past_deg })
     }
 
     fn live(&self, request: &Request) -> Result<Answer, Answer> {
@@ -274,7 +294,7 @@ impl LiveNight {
         Ok(frame::encode(&frame, number, self.start()?, request))
     }
 
-    fn marks(&self, camera: &str) -> Result<Answer, Answer> {
+    fn marks(&self, request: &Request, camera: &str) -> Result<Answer, Answer> {
         let (_, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
         // One measurement at a time: several pages that ask for it must not hold all workers.
         let mut marked = match self.marked.try_lock() {
@@ -284,17 +304,29 @@ impl LiveNight {
                 return Err(Answer::error(503, "a frame is being measured: ask again"));
             }
         };
-        if let Some((name, of, answer)) = &*marked
-            && name == camera
-            && *of == frame.start
-        {
-            return Ok(answer.clone());
+        let sources = request.whole("sources") == Some(1);
+        let known = marked.as_ref().filter(|of| of.camera == camera && of.start == frame.start);
+        if let Some(of) = known.filter(|of| of.sources || !sources) {
+            return Ok(of.answer.clone());
         }
-        let view = marks(&frame, &self.station()?, self.start()?)?;
-        self.note_look(camera, view.look());
+        let (station, start) = (self.station()?, self.start()?);
+        let sharpness =
+            known.is_none() && self.wants_sharpness(camera, (frame.start - start).to_seconds());
+        let view = marks(&frame, &station, start, More { sharpness, sources })?;
+        if known.is_none() {
+            self.note_look(camera, view.look());
+        }
         let answer = Answer::json(&view);
-        *marked = Some((camera.to_owned(), frame.start, answer.clone()));
+        let (camera, start) = (camera.to_owned(), frame.start);
+        *marked = Some(Marked { camera, start, sources, answer: answer.clone() });
         Ok(answer)
+    }
+
+    /// Whether the half-flux radius is due: once in a second is enough.
+    fn wants_sharpness(&self, camera: &str, start_s: f64) -> bool {
+        let looks = self.looks.lock().unwrap_or_else(PoisonError::into_inner);
+        let of = looks.get(camera).into_iter().flatten().rev();
+        !of.take_while(|look| look.start_s > start_s - 1.0).any(|look| look.sharp)
     }
 
     fn note_look(&self, camera: &str, look: Look) {
@@ -314,6 +346,7 @@ impl LiveNight {
         Answer::json(&LooksView {
             start_s: of().map(|look| look.start_s).collect(),
             fwhm_px: of().map(|look| look.fwhm_px).collect(),
+            hfr_px: of().map(|look| look.hfr_px).collect(),
             background_adu: of().map(|look| look.background_adu).collect(),
         })
     }
@@ -421,7 +454,7 @@ impl Source for LiveNight {
             (false, ["about"]) => self.about(),
             (false, ["live"]) => self.live(request),
             (false, ["frame", camera]) => self.frame(request, camera),
-            (false, ["marks", camera, "last"]) => self.marks(camera),
+            (false, ["marks", camera, "last"]) => self.marks(request, camera),
             (false, ["looks", camera]) => Ok(self.looks(request, camera)),
             (false, ["history", counter]) => self.history(request, counter),
             (false, ["sky"]) => self.sky(request),

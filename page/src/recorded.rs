@@ -4,7 +4,7 @@ use crate::clip::ClipWish;
 use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::magnitudes::{Calibration, MagnitudesView, Off, PointMagnitudes, Points, Scale, sky_of};
-use crate::marks::marks;
+use crate::marks::{More, marks};
 use crate::request::{Answer, Request, Source};
 use crate::rework::Rework;
 use crate::sky::{Sky, SkyTrack};
@@ -76,6 +76,15 @@ pub struct FibreView {
     pub sigma_px: DVec2,
 }
 
+/// Stretch of the sky in which a German mount still hangs on the side that it has east of the meridian.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FlipView {
+    /// Latitude of the station, deg.
+    pub latitude_deg: f64,
+    /// Hour angle up to which it follows before it is turned over, deg.
+    pub past_deg: f64,
+}
+
 /// Description of a session, live or recorded.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct About {
@@ -111,6 +120,8 @@ pub struct About {
     pub flag_names: Vec<(u32, String)>,
     /// Least distance of the mount from the Sun, deg; `None` without a mount.
     pub sun_limit_deg: Option<f64>,
+    /// Where the mount turns over; `None` without a mount that may.
+    pub flip: Option<FlipView>,
     /// What is wrong, for the person who looks.
     pub warnings: Vec<String>,
     /// Where magnitudes come from; `None` without a calibration.
@@ -428,6 +439,7 @@ impl Recording {
             clock: Some(manifest.clock.clone()),
             flag_names: flag_names(),
             sun_limit_deg: None,
+            flip: None,
             warnings: self.warnings.clone(),
             magnitudes: self.scale.as_ref().map(|scale| scale.view.clone()),
         }
@@ -460,11 +472,12 @@ impl Recording {
         Ok(frame::encode(&frame, film.files[index].sequence, self.start, request))
     }
 
-    fn marks(&self, camera: &str, index: &str) -> Result<Answer, Answer> {
+    fn marks(&self, request: &Request, camera: &str, index: &str) -> Result<Answer, Answer> {
         let film = self.film(camera).ok_or_else(Answer::missing)?;
         let frame = self.read(film, index.parse().map_err(|_| Answer::missing())?)?;
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
-        marks(&frame, station, self.start).map(|marks| Answer::json(&marks))
+        let more = More { sharpness: true, sources: request.whole("sources") == Some(1) };
+        marks(&frame, station, self.start, more).map(|marks| Answer::json(&marks))
     }
 
     fn counts(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {
@@ -636,7 +649,7 @@ impl Source for Recording {
                 Answer::json(&FilmView { start_s: &film.start_s, number })
             }),
             ["frame", camera, index] => self.frame(request, camera, index),
-            ["marks", camera, index] => self.marks(camera, index),
+            ["marks", camera, index] => self.marks(request, camera, index),
             ["counts", counter] => self.counts(request, counter),
             ["sky"] => self.sky(request),
             ["tracks"] => self.tracks(),

@@ -477,11 +477,38 @@ function drawImage() {
     ring(m.place_px, m.aperture_px, m.aperture_px, red ? "#ff6060" : "#ffffff");
     for (const radius of m.annulus_px) ring(m.place_px, radius, radius, red ? "#c03030" : "#ff9060", [6, 4]);
   }
+  if (m?.of === f.of) {
+    // Where the reduction looks for a target first.
+    const [ex, ey] = place(m.expected_px);
+    c.strokeStyle = red ? "#a03030" : "#8fb0ff";
+    c.lineWidth = 1;
+    c.beginPath();
+    for (const [a, b] of [[-1, 0], [1, 0], [0, -1], [0, 1]]) { c.moveTo(ex + 0.2 * em * a, ey + 0.2 * em * b); c.lineTo(ex + 0.5 * em * a, ey + 0.5 * em * b); }
+    c.stroke();
+    if ($("sources").checked) drawSources(c, m.sources ?? [], place, each, em, red);
+    c.lineWidth = 1.5;
+  }
   if (S.cross && placing()) {
     const [cx, cy] = [(S.cross[0] - x0) / each, (S.cross[1] - y0) / each];
     c.strokeStyle = red ? "#ff6060" : "#7fff7f";
     c.beginPath();
     for (const [a, b] of [[-1, 0], [1, 0], [0, -1], [0, 1]]) { c.moveTo(cx + 0.3 * em * a, cy + 0.3 * em * b); c.lineTo(cx + em * a, cy + em * b); }
+    c.stroke();
+  }
+}
+
+// All sources of the frame: points in squares, streaks as lines, cosmic rays and hot pixels as crosses, the rest in small circles.
+function drawSources(c, sources, place, each, em, red) {
+  const colours = red ? { point: "#ff6060", streak: "#ff4040", sharp: "#a03030", other: "#802020" } : { point: "#7fff7f", streak: "#ff9bd0", sharp: "#ffb060", other: "#a0a8b0" };
+  const r = 0.45 * em;
+  for (const { kind, place_px, trail_px } of sources) {
+    const [x, y] = place(place_px);
+    c.strokeStyle = colours[kind];
+    c.beginPath();
+    if (kind === "point") c.rect(x - r, y - r, 2 * r, 2 * r);
+    else if (kind === "streak") { const [dx, dy] = trail_px.map((v) => v / each / 2); const more = Math.max(1, em / Math.hypot(dx, dy)); c.moveTo(x - dx * more, y - dy * more); c.lineTo(x + dx * more, y + dy * more); }
+    else if (kind === "sharp") { c.moveTo(x - r / 2, y - r / 2); c.lineTo(x + r / 2, y + r / 2); c.moveTo(x - r / 2, y + r / 2); c.lineTo(x + r / 2, y - r / 2); }
+    else c.arc(x, y, r / 2, 0, 7);
     c.stroke();
   }
 }
@@ -505,20 +532,24 @@ function measuredText() {
   // Marks of a frame that is not shown yet are told with it.
   if (m && S.frame && m.of !== S.frame.of) return;
   if (!m) { $("measured").textContent = "\u00a0"; return; }
-  if (!m.place_px) { $("measured").textContent = "no target found on this frame"; return; }
+  const kinds = [["point", "point", "points"], ["streak", "streak", "streaks"], ["sharp", "cosmic ray or hot pixel", "cosmic rays or hot pixels"], ["other", "other", "others"]];
+  const counted = kinds.map(([kind, ...names]) => { const n = m.sources?.filter((source) => source.kind === kind).length ?? 0; return n ? `${n} ${names[n === 1 ? 0 : 1]}` : ""; }).filter(Boolean);
+  const all = m.sources && $("sources").checked ? ` · ${m.sources.length} sources${counted.length ? `: ${counted.join(", ")}` : ""}` : "";
+  if (!m.place_px) { $("measured").textContent = `no target found on this frame${all}`; return; }
   const planes = m.planes.map((p) => {
     const rate = p.rate_adu_per_s === null ? "no rate" : `${p.rate_adu_per_s.toFixed(0)} ± ${p.sigma_adu_per_s?.toFixed(0) ?? "–"} ADU/s`;
     const flags = p.flags.length ? ` (${p.flags.join(", ").replaceAll("_", " ")})` : "";
     return `${p.colour === "mono" ? "" : p.colour + " "}${rate}${flags}`;
   });
   const width = m.fwhm_px === null ? "" : `, ${m.fwhm_px.toFixed(1)} px wide`;
-  $("measured").textContent = `target at ${m.place_px[0].toFixed(1)}, ${m.place_px[1].toFixed(1)} px${width}: ${planes.join("; ")}`;
+  const radius = m.hfr_px === undefined ? "" : `, half-flux radius ${m.hfr_px.toFixed(2)} px`;
+  $("measured").textContent = `target at ${m.place_px[0].toFixed(1)}, ${m.place_px[1].toFixed(1)} px${width}${radius}: ${planes.join("; ")}${all}`;
 }
 
 const loadMarks = latest(async ({ camera, of }) => {
   if (!$("marks").checked) return;
   try {
-    const marks = await get(`marks/${part(camera)}/${S.live ? "last" : of}`);
+    const marks = await get(`marks/${part(camera)}/${S.live ? "last" : of}${$("sources").checked ? "?sources=1" : ""}`);
     if (camera !== S.camera) return;
     // A night goes on meanwhile: these may be the marks of the next frame, which is drawn soon.
     S.marks = { ...marks, of: S.live ? marks.start_s : of };
@@ -974,6 +1005,7 @@ function drawSky() {
   };
   // A page that is not laid out yet, or not any more, has no room for a sky.
   if (radius <= 0) return;
+  S.place = place;
   c.fillStyle = css("--sky");
   c.beginPath(); c.arc(cx, cy, radius, 0, 7); c.fill();
   c.strokeStyle = css("--line");
@@ -984,6 +1016,7 @@ function drawSky() {
   c.setLineDash([9, 3, 2, 3]);
   c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.stroke();
   c.setLineDash([]);
+  if (S.about.flip) drawFlip(c, place);
   c.fillStyle = css("--soft");
   c.textAlign = "center"; c.textBaseline = "middle";
   for (const [name, azimuth] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) c.fillText(name, ...place([azimuth, -90 * (0.75 * em) / radius]));
@@ -1034,7 +1067,7 @@ function drawSky() {
     c.fillStyle = css("--star");
     for (const star of sky.stars) if (star.name && star.v_mag < 1.3) label(star.name, ...place(star.at_deg), 0.4 * em);
   }
-  const now = S.live ? S.live.now_s : S.t;
+  const now = skyTime();
   for (const track of S.tracks) {
     const last = track.at_s[track.at_s.length - 1];
     const present = track.at_s[0] <= now && now <= last;
@@ -1064,6 +1097,62 @@ function drawSky() {
     c.fillStyle = css("--ink");
     c.fillText(sky.target[0], ...nameAt);
   }
+}
+
+// Azimuth and altitude of an hour angle and a declination, deg.
+export function horizontal(latitude, hour, declination) {
+  const rad = Math.PI / 180;
+  const [l, H, d] = [latitude * rad, hour * rad, declination * rad];
+  const up = Math.sin(l) * Math.sin(d) + Math.cos(l) * Math.cos(d) * Math.cos(H);
+  const north = Math.cos(l) * Math.sin(d) - Math.sin(l) * Math.cos(d) * Math.cos(H);
+  const east = -Math.cos(d) * Math.sin(H);
+  return [(Math.atan2(east, north) / rad + 360) % 360, Math.asin(clamp(up, -1, 1)) / rad];
+}
+
+// Where a German mount is turned over: the meridian above the pole, and the stretch behind it into which it still follows.
+function drawFlip(c, place) {
+  const { latitude_deg, past_deg } = S.about.flip;
+  const line = (hour) => Array.from({ length: 91 }, (_, i) => horizontal(latitude_deg, hour, 2 * i - 90)).filter((at) => at[1] > 0);
+  const [first, last] = [line(0), line(past_deg)];
+  c.fillStyle = css("--warn");
+  c.globalAlpha = 0.15;
+  c.beginPath();
+  [...first, ...last.reverse()].forEach((at, i) => (i ? c.lineTo(...place(at)) : c.moveTo(...place(at))));
+  c.fill();
+  c.globalAlpha = 1;
+  c.strokeStyle = css("--warn");
+  c.beginPath();
+  last.forEach((at, i) => (i ? c.lineTo(...place(at)) : c.moveTo(...place(at))));
+  c.stroke();
+}
+
+// The time that the sky shows: the present one, or a later one that somebody looks at.
+const ahead = () => (S.live ? Number($("ahead").value) : 0);
+const skyTime = () => (S.live ? S.live.now_s + ahead() : S.t);
+
+// What lies under the pointer on the sky, in words; null where nothing does.
+function skyUnder(event) {
+  if (!S.place || !S.sky) return null;
+  const box = $("sky").getBoundingClientRect();
+  const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+  let best = null;
+  const offer = (at, say) => {
+    if (at[1] <= 0) return;
+    const [px, py] = S.place(at);
+    const distance = Math.hypot(px - x, py - y);
+    if (distance < 12 && (!best || distance < best.distance)) best = { distance, say };
+  };
+  const at = ([azimuth, altitude]) => `azimuth ${azimuth.toFixed(1)}°, altitude ${altitude.toFixed(1)}°`;
+  for (const star of S.sky.stars) offer(star.at_deg, () => `${star.name || star.plan_name}, V ${star.v_mag.toFixed(1)}, ${at(star.at_deg)}`);
+  for (const planet of S.sky.planets) offer(planet.at_deg, () => `${planet.name}${planet.v_mag === null ? "" : `, V ${planet.v_mag.toFixed(1)}`}, ${at(planet.at_deg)}`);
+  for (const track of S.tracks) {
+    const from = track.at_s[0];
+    const to = track.at_s.at(-1);
+    const highest = Math.max(...track.at_deg.map((place) => place[1]));
+    const dark = track.lit.length && !track.lit.every(Boolean) ? ", part of it in the Earth's shadow" : "";
+    for (const place of track.at_deg) offer(place, () => `${track.name}, ${utc(from, 0)} to ${utc(to, 0)}, up to ${highest.toFixed(0)}°${dark}`);
+  }
+  return best?.say() ?? null;
 }
 
 // Dots of a track at each minute, further apart where they would touch; with their times where there is room.
@@ -1129,9 +1218,11 @@ const loadSky = latest(async (at) => {
   S.onSky?.();
   if (S.overlay) { redraw("sky"); await new Promise((done) => setTimeout(done, 50)); return; }
   const target = S.sky.target;
-  const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
+  const later = ahead() ? `${utc(at, 0)} UTC, in ${span(ahead())}: ` : "";
+  const text = later + (target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place");
   const planets = S.sky.planets.map((p) => (p.v_mag === null ? p.name : `${p.name} ${p.v_mag.toFixed(1)}`)).join(", ");
-  $("sky-text").textContent = `${text}; ${planets ? `planets (V): ${planets}; ` : ""}Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
+  S.skyText = `${text}; ${planets ? `planets (V): ${planets}; ` : ""}Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
+  if (!S.pointed) $("sky-text").textContent = S.skyText;
   $("sky").setAttribute("aria-label", `sky over ${S.about.station}: ${text}`);
   redraw("sky");
   await new Promise((done) => setTimeout(done, 200));
@@ -1482,7 +1573,7 @@ let reducing = 0;
 function reduceSoon() {
   clearTimeout(reducing);
   byHandText();
-  reducing = setTimeout(() => { const wanted = recipe(); if (wanted) loadCurve(wanted); }, 150);
+  reducing = setTimeout(() => { const wanted = recipe(); if (wanted) loadCurve(wanted); }, 60);
 }
 
 function curveShown() {
@@ -2041,7 +2132,7 @@ function showLive(view) {
   const frame = view.devices[S.camera]?.frame;
   if (frame && frame.start_s !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.start_s });
   else frameText();
-  if (!S.sky || Math.abs(S.sky.at_s - view.now_s) > 5) loadSky(view.now_s);
+  if (!S.sky || Math.abs(S.sky.at_s - skyTime()) > 5) loadSky(skyTime());
   // The whole night has many points: once a second is enough.
   if (!S.wideAt || performance.now() - S.wideAt > 1000) redraw("counts");
 }
@@ -2054,6 +2145,7 @@ async function live() {
     if (!token()) mountMode(null);
   });
   $("sound-label").hidden = false;
+  $("ahead-label").hidden = false;
   document.body.classList.add("live");
   $("span").value = "60";
   S.since = Date.now();
@@ -2205,10 +2297,10 @@ function drawMount({ c, place, em }) {
 // --- focus and background -----------------------------------------------------------------------------------------------
 
 const loadLooks = latest(async (camera) => {
-  const have = S.looks?.camera === camera ? S.looks : { camera, start_s: [], fwhm_px: [], background_adu: [] };
+  const have = S.looks?.camera === camera ? S.looks : { camera, start_s: [], fwhm_px: [], hfr_px: [], background_adu: [] };
   const come = await get(`looks/${part(camera)}?after_s=${have.start_s.at(-1) ?? -1e9}`);
   if (camera !== S.camera) return;
-  for (const key of ["start_s", "fwhm_px", "background_adu"]) {
+  for (const key of ["start_s", "fwhm_px", "hfr_px", "background_adu"]) {
     for (const value of come[key]) have[key].push(value);
     have[key].splice(0, have[key].length - 7200);
   }
@@ -2218,7 +2310,7 @@ const loadLooks = latest(async (camera) => {
   await new Promise((done) => setTimeout(done, 1000));
 });
 
-// Width of the target and background of a pixel over the time, each in its strip.
+// Width of the target, half-flux radius of the stars and background of a pixel over the time, each in its strip.
 function drawLooks() {
   const canvas = $("looks");
   const looks = S.looks;
@@ -2228,8 +2320,8 @@ function drawLooks() {
   const left = 9.5 * em;
   const x = (t) => left + ((t - from) / (to - from)) * (w - left - 0.4 * em);
   const said = [];
-  [["fwhm_px", "width", "px", 2], ["background_adu", "background", "ADU", 0]].forEach(([key, name, unit, digits], k) => {
-    const [top, bottom] = [(k * h) / 2 + 0.3 * em, ((k + 1) * h) / 2 - 0.3 * em];
+  [["fwhm_px", "width", "px", 2], ["hfr_px", "half-flux", "px", 2], ["background_adu", "background", "ADU", 0]].forEach(([key, name, unit, digits], k) => {
+    const [top, bottom] = [(k * h) / 3 + 0.3 * em, ((k + 1) * h) / 3 - 0.3 * em];
     const values = looks[key].filter((v, i) => v !== null && looks.start_s[i] >= from);
     // The middle nine tenths: a frame with a satellite's flare must not flatten the rest.
     const sorted = [...values].sort((a, b) => a - b);
@@ -2246,11 +2338,13 @@ function drawLooks() {
     c.strokeStyle = css("--line");
     c.lineWidth = 1;
     c.beginPath(); c.moveTo(left, bottom); c.lineTo(w - 0.4 * em, bottom); c.stroke();
-    c.strokeStyle = css(k ? "--soft" : "--accent");
+    c.strokeStyle = css(k === 2 ? "--soft" : "--accent");
     c.lineWidth = 1.5;
     c.beginPath();
     let before = false;
     looks[key].forEach((v, i) => {
+      // The radius is looked for once a second only.
+      if (v === null && key === "hfr_px") return;
       if (v === null || looks.start_s[i] < from) { before = false; return; }
       const p = [x(looks.start_s[i]), y(v)];
       before ? c.lineTo(...p) : c.moveTo(...p);
@@ -2285,6 +2379,7 @@ function wire() {
   system.addEventListener("change", () => { develop(); paintTheme(); });
   $("stretch").addEventListener("change", () => { develop(); frameText(); redraw("image"); });
   $("marks").addEventListener("change", () => { redraw("image"); if ($("marks").checked && S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
+  $("sources").addEventListener("change", () => { redraw("image"); if (S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));
@@ -2332,6 +2427,19 @@ function wire() {
       more[key] = Number(text);
     }
     steer("expose", "", more);
+  });
+  $("sky").addEventListener("pointermove", (event) => {
+    if (S.overlay) return;
+    S.pointed = skyUnder(event);
+    $("sky-text").textContent = S.pointed ?? S.skyText ?? "";
+  });
+  $("sky").addEventListener("pointerleave", () => { if (S.overlay) return; S.pointed = null; $("sky-text").textContent = S.skyText ?? ""; });
+  $("ahead").addEventListener("input", () => {
+    const said = ahead() ? `in ${span(ahead())}` : "now";
+    $("ahead-at").textContent = said;
+    $("ahead").setAttribute("aria-valuetext", said);
+    if (S.live) loadSky(skyTime());
+    redraw("sky");
   });
   const help = () => { $("help").hidden = !$("help").hidden; $("help-button").setAttribute("aria-expanded", String(!$("help").hidden)); };
   $("help-button").addEventListener("click", help);
