@@ -19,7 +19,7 @@ pub(crate) struct Serving {
     pub(crate) child: Child,
     /// Address with the token, where there is one.
     pub(crate) url: String,
-    /// What it said before.
+    /// Lines of its standard error before the address.
     pub(crate) said: String,
 }
 

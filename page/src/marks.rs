@@ -53,7 +53,7 @@ struct SourceView {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum SourceKind {
-    /// As a star or a target looks.
+    /// A star or a target.
     Point,
     /// A satellite's or an aeroplane's trail.
     Streak,

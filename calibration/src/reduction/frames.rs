@@ -725,7 +725,7 @@ struct Ahead {
     /// Index among the files.
     file: usize,
     stay: usize,
-    /// Of a visit whose target is followed, whether it is followed back.
+    /// Whether a target that is followed is followed back; `None` where none is.
     back: Option<bool>,
     /// Distance from its last place within which such a target is looked for, px.
     within_px: Option<f64>,
