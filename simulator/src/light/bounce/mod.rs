@@ -62,7 +62,7 @@ use tracing::{Plan, Tracing};
 /// Nodes of a first look, relative error between them.
 const ROUGH: f64 = 0.1;
 /// Share of the tolerance that the wavelengths between nodes may take.
-const BETWEEN_NODES: f64 = 0.3;
+const BETWEEN_NODES: f64 = 0.1;
 
 /// Options for computing inter-reflected light.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,7 +11,7 @@ use sunglint_radiometry::spectrum::{Factor, Spectrum};
 /// Wavelengths at which linearity is tested, at most.
 const MOST_TESTED: usize = 2000;
 /// Nodes at most.
-const MOST_NODES: usize = 160;
+const MOST_NODES: usize = 240;
 /// Nodes of other reflectances are kept up to so many times the error of the first, or up to this.
 const WORSE: f64 = 2.0;
 const LEAST_WORSE: f64 = 1e-4;

@@ -82,9 +82,9 @@ pub struct Found {
 }
 
 impl Found {
-    /// The claimed error of everything but the patches' size.
+    /// The claimed error of everything but the patches' size: rays and directions are drawn apart.
     pub fn noise(&self) -> f64 {
-        self.factors + self.chords
+        self.factors.hypot(self.chords)
     }
 }
 
@@ -110,21 +110,25 @@ impl Orders {
         let areas = [&patched.areas[0][..fine], &patched.areas[1][..coarse]];
         let at = |node: usize| {
             let rho = reflectances(patched, optics, node);
-            let s = exchange.at(&alone, patches, node);
-            let gathered = transport::gathered(&s, patches);
-            let stored = |q: Matrix| q.into_iter().map(|q| q as f32).collect::<Stored>();
-            let all = stored(transport::solve(&s, areas[0], &rho[0])?);
-            let large = stored(transport::solve(&gathered, areas[1], &rho[1])?);
+            let gathered = transport::gathered(&exchange.at(&alone, patches, node), patches);
+            let large = transport::solve(&gathered, areas[1], &rho[1])?;
+            let coarse = large.into_iter().map(|q| q as f32).collect();
             let once = areas[1].iter().zip(&rho[1]).map(|(a, r)| FRAC_1_PI * a * r).collect();
             let of_material = |m: &usize| optics.lambert(*m).map_or(0.0, |r| r[node]).min(WHITEST);
             let diffuse = patched.clear.materials.iter().map(of_material).collect();
             let channels = patched.chords.channels.iter();
             let rho = channels.map(|(m, k)| optics.rho(*m, *k, node)).collect();
-            Some((all, Node { coarse: large, once, diffuse, rho }))
+            Some(Node { coarse, once, diffuse, rho })
         };
-        let solved = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<_>>>()?;
-        let (all, nodes): (Vec<Stored>, Vec<Node>) = solved.into_iter().unzip();
-        let spectral = Spectral::new(all, (OF_NODES * between_nodes).max(LEAST_SPECTRAL));
+        let nodes = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<Node>>>()?;
+        let fine = |n: usize| {
+            let node = wanted.start + n;
+            let [rho, _] = reflectances(patched, optics, node);
+            transport::solve(&exchange.at(&alone, patches, node), areas[0], &rho)
+        };
+        let larger: Vec<&Stored> = nodes.iter().map(|node| &node.coarse).collect();
+        let spectral =
+            Spectral::new(&larger, (OF_NODES * between_nodes).max(LEAST_SPECTRAL), fine)?;
         let mut scrambles: Vec<Matrix> = (0..SCRAMBLES).map(|k| exchange.scramble(k)).collect();
         let share = 1.0 / SCRAMBLES as f64;
         let mean: Matrix = (0..coarse * coarse)

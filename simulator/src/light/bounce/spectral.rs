@@ -1,21 +1,34 @@
 //! Exchange matrices of many wavelengths, in few.
 //!
 //! The matrices Q_n of a body with a handful of materials differ over all wavelengths n by a handful of reflectances: they are rational functions of them,
-//! and combinations of a few matrices B_k give all of them. So an epoch reads a few matrices and not one for each wavelength. The B_k are found
-//! by Gram–Schmidt among the Q_n, each number relative to its mean over the wavelengths Q̄, so that what is left is known of every number: |Q_n − Σ_k c_nk B_k| ≤ ε_n Q̄.
-//! All numbers of both ends are positive, hence the error of the light is at most ε_n v Q̄ e.
+//! and combinations of a few matrices B_k give all of them. So few are solved, and an epoch reads few. Which wavelengths these are, and how the others are made of
+//! them, is found among the larger patches, where all are solved at an eighth of the side's cube: by Gram–Schmidt, each number relative to its mean over
+//! the wavelengths Q̄ and a hundredth of what an even exchange would have there, F = r rᵀ / Σr with r the sums of Q̄'s rows; so that what is left is known of every number: |Q_n − Σ_k c_nk B_k| ≤ ε_n (Q̄ + F/100). The small patches have the same c_nk; at the wavelengths where most is left they are solved as
+//! well, and where more is left there, all ε_n are larger by as much.
+//! All numbers of both ends are positive, hence the error of the light is at most ε_n v (Q̄ + F/100) e.
 
-use super::transport::Stored;
+use super::transport::{Matrix, Stored};
 use super::views::End;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Wavelengths at which the small patches are solved besides, to see what is left.
+const LOOKED_AT: usize = 3;
+/// The share of an even exchange that is added to each number which errors are relative to: patches that hardly see each other have no part in the light, but the most uneven spectra.
+const EVEN: f64 = 0.01;
+/// Errors among the larger patches that are not gone below: numbers are stored to 6e-8.
+const LEAST: f64 = 1e-6;
 
 /// Q of each wavelength as a combination of few.
 #[derive(Debug)]
 pub struct Spectral {
-    /// The first is the mean over the wavelengths.
     basis: Vec<Stored>,
     /// For each wavelength the factors of the basis.
     mix: Vec<Vec<f64>>,
+    /// The same of the mean over the wavelengths.
+    mean: Vec<f64>,
+    /// Sums of the rows of the mean, over the root of all.
+    sums: Vec<f64>,
     /// For each wavelength the largest error of a number, of that of the mean.
     off: Vec<f64>,
 }
@@ -24,53 +37,148 @@ pub struct Spectral {
 pub struct Products {
     channels: [usize; 2],
     each: Vec<Vec<f64>>,
+    /// What comes straight and by each channel, Sun's and observer's, of an even exchange.
+    even: [Vec<f64>; 2],
 }
 
-impl Spectral {
-    /// In as many matrices as an error of `wanted` asks for, relative to the mean over the wavelengths.
-    pub fn new(all: Vec<Stored>, wanted: f64) -> Self {
+/// Sums of the rows of a square matrix, over the root of the sum of all: their product is an even exchange.
+fn row_sums(matrix: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; n];
+    for (k, q) in matrix.enumerate() {
+        sums[k / n] += q;
+    }
+    let root = sums.iter().sum::<f64>().sqrt();
+    if root > 0.0 {
+        sums.iter_mut().for_each(|s| *s /= root);
+    }
+    sums
+}
+
+/// How the matrices of all wavelengths are made of those at a few.
+struct Mixing {
+    /// The wavelengths whose matrices are solved, in the order in which they were needed.
+    chosen: Vec<usize>,
+    /// For each wavelength the factors of what each of them adds to those before it.
+    mix: Vec<Vec<f64>>,
+    /// For each wavelength the largest error of a number, of that of the mean.
+    off: Vec<f64>,
+    /// What is left of each wavelength, relative to the mean.
+    left: Vec<Stored>,
+}
+
+impl Mixing {
+    /// Of matrices of all wavelengths: nothing is chosen yet.
+    fn new(all: &[&Stored]) -> Self {
         let count = all.len();
-        if count < 2 {
-            let (mix, off) = (vec![vec![1.0]; count], vec![0.0; count]);
-            return Self { basis: all, mix, off };
+        let share = 1.0 / count.max(1) as f64;
+        let mut mean = vec![0.0_f64; all.first().map_or(0, |q| q.len())];
+        for q in all {
+            mean.iter_mut().zip(*q).for_each(|(m, q)| *m += share * f64::from(*q));
         }
-        let numbers = all[0].len();
-        let share = 1.0 / count as f64;
-        let mut mean = vec![0.0_f64; numbers];
-        for q in &all {
-            mean.iter_mut().zip(q).for_each(|(m, q)| *m += share * f64::from(*q));
+        let n = mean.len().isqrt();
+        let sums = row_sums(mean.iter().copied(), n);
+        for (k, mean) in mean.iter_mut().enumerate() {
+            *mean += EVEN * sums[k / n] * sums[k % n];
         }
-        // What is left of each wavelength, relative to the mean.
-        let mut left = all;
-        for q in &mut left {
-            for (q, m) in q.iter_mut().zip(&mean) {
-                *q = if *m > 0.0 { (f64::from(*q) / m) as f32 - 1.0 } else { 0.0 };
-            }
-        }
-        let mut mix = vec![vec![1.0]; count];
-        let mut basis = vec![mean.iter().map(|m| *m as f32).collect::<Stored>()];
-        let mut off: Vec<f64> = left.iter().map(|q| largest(q)).collect();
-        while basis.len() < count {
-            let Some(worst) = (0..count).max_by(|a, b| off[*a].total_cmp(&off[*b])) else { break };
-            if off[worst] <= wanted {
-                break;
-            }
-            let axis = left[worst].clone();
+        let relative = |q: &Stored| -> Stored {
+            let each = q.iter().zip(&mean);
+            each.map(|(q, m)| if *m > 0.0 { (f64::from(*q) / m) as f32 } else { 0.0 }).collect()
+        };
+        let left: Vec<Stored> = all.iter().map(|q| relative(q)).collect();
+        let off = left.iter().map(|q| largest(q)).collect();
+        Self { chosen: Vec::new(), mix: vec![Vec::new(); count], off, left }
+    }
+
+    /// The largest error.
+    fn most(&self) -> f64 {
+        self.off.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Chooses until no error is larger.
+    fn until(&mut self, wanted: f64) {
+        let count = self.off.len();
+        while self.chosen.len() < count && (self.most() > wanted || self.chosen.is_empty()) {
+            let worst = (0..count).max_by(|a, b| self.off[*a].total_cmp(&self.off[*b]));
+            let Some(worst) = worst else { break };
+            self.chosen.push(worst);
+            let axis = self.left[worst].clone();
             let square = product(&axis, &axis);
-            if square <= 0.0 {
-                break;
-            }
-            let each = left.par_iter_mut().zip(&mut mix).zip(&mut off);
+            let each = self.left.par_iter_mut().zip(&mut self.mix).zip(&mut self.off);
             each.for_each(|((q, mix), off)| {
-                let factor = (product(q, &axis) / square) as f32;
+                let factor = if square > 0.0 { (product(q, &axis) / square) as f32 } else { 0.0 };
                 q.iter_mut().zip(&axis).for_each(|(q, a)| *q -= factor * a);
                 mix.push(f64::from(factor));
                 *off = largest(q);
             });
-            let stored = axis.iter().zip(&mean).map(|(a, m)| (f64::from(*a) * m) as f32);
-            basis.push(stored.collect());
+            // Of itself nothing is left but rounding.
+            if let Some(own) = self.mix[worst].last_mut() {
+                *own = 1.0;
+            }
+            self.off[worst] = 0.0;
+            self.left[worst].fill(0.0);
         }
-        Self { basis, mix, off }
+    }
+}
+
+impl Spectral {
+    /// In as many matrices as an error of `wanted` asks for, relative to the mean over the wavelengths. `coarse` are the matrices of the larger patches at all
+    /// wavelengths, `fine` solves those of the patches at one; `None` where that has no solution.
+    pub fn new(
+        coarse: &[&Stored],
+        wanted: f64,
+        fine: impl Fn(usize) -> Option<Matrix> + Sync + Send,
+    ) -> Option<Self> {
+        let count = coarse.len();
+        let mut mixing = Mixing::new(coarse);
+        let mut solved = BTreeMap::new();
+        let mut basis: Vec<Matrix> = Vec::new();
+        let mut until = wanted;
+        let (mean, sums, worse) = loop {
+            mixing.until(until);
+            let Mixing { chosen, mix, off, .. } = &mixing;
+            let mut looked: Vec<usize> = (0..count).filter(|n| !chosen.contains(n)).collect();
+            looked.sort_by(|a, b| off[*b].total_cmp(&off[*a]));
+            looked.truncate(LOOKED_AT);
+            let asked = chosen[basis.len()..].iter().chain(&looked).copied();
+            let asked: Vec<usize> = asked.filter(|n| !solved.contains_key(n)).collect();
+            let found = asked.par_iter().map(|n| fine(*n)).collect::<Option<Vec<_>>>()?;
+            solved.extend(asked.into_iter().zip(found));
+            for n in &chosen[basis.len()..] {
+                let mut q = solved.remove(n)?;
+                for (axis, factor) in basis.iter().zip(&mix[*n]) {
+                    q.iter_mut().zip(axis).for_each(|(q, a)| *q -= factor * a);
+                }
+                basis.push(q);
+            }
+            let share = 1.0 / count.max(1) as f64;
+            let mut mean = vec![0.0; basis.len()];
+            for mix in mix {
+                mean.iter_mut().zip(mix).for_each(|(m, c)| *m += share * c);
+            }
+            let made = |mix: &[f64], number: usize| -> f64 {
+                basis.iter().zip(mix).map(|(b, c)| c * b[number]).sum()
+            };
+            let size = basis.first().map_or(0, |b| b.len().isqrt());
+            let sums = row_sums((0..size * size).map(|k| made(&mean, k)), size);
+            let mut worse = 1.0_f64;
+            for n in looked {
+                let apart = |(k, q): (usize, &f64)| {
+                    let mean = made(&mean, k) + EVEN * sums[k / size] * sums[k % size];
+                    if mean > 0.0 { (q - made(&mix[n], k)).abs() / mean } else { 0.0 }
+                };
+                let most = solved.get(&n)?.iter().enumerate().map(apart).fold(0.0, f64::max);
+                worse = worse.max(most / off[n].max(f64::from(f32::EPSILON)));
+            }
+            if worse * mixing.most() <= wanted || until <= LEAST {
+                break (mean, sums, worse);
+            }
+            until = (0.5 * wanted / worse).clamp(LEAST, 0.5 * until);
+        };
+        let Mixing { mix, off, .. } = mixing;
+        let off = off.into_iter().map(|off| off * worse).collect();
+        let stored = |q: Matrix| q.into_iter().map(|q| q as f32).collect::<Stored>();
+        let basis = basis.into_iter().map(stored).collect();
+        Some(Self { basis, mix, mean, sums, off })
     }
 
     /// How many matrices there are.
@@ -108,6 +216,7 @@ impl Spectral {
         Products {
             channels: [suns.len(), eyes.len()],
             each: self.basis.iter().map(&mut one).collect(),
+            even: [&suns, &eyes].map(|rows| rows.iter().map(|row| dot(row, &self.sums)).collect()),
         }
     }
 
@@ -125,11 +234,17 @@ impl Spectral {
             straight + rho.iter().zip(rows).map(|(r, row)| r * of_suns(row)).sum::<f64>()
         };
         let Some(first) = products.each.first() else { return (0.0, 0.0) };
-        let mut all = vec![0.0; first.len()];
-        for (each, factor) in products.each.iter().zip(&self.mix[node]) {
-            all.iter_mut().zip(each).for_each(|(all, x)| *all += factor * x);
-        }
-        (through(&all).max(0.0), self.off[node] * through(first))
+        let made = |mix: &[f64]| {
+            let mut all = vec![0.0; first.len()];
+            for (each, factor) in products.each.iter().zip(mix) {
+                all.iter_mut().zip(each).for_each(|(all, x)| *all += factor * x);
+            }
+            through(&all).max(0.0)
+        };
+        let [sun, eye] = &products.even;
+        let end = |row: &[f64]| row[0] + rho.iter().zip(&row[1..]).map(|(r, x)| r * x).sum::<f64>();
+        let even = EVEN * end(sun) * end(eye);
+        (made(&self.mix[node]), self.off[node] * (made(&self.mean) + even))
     }
 }
 
@@ -198,24 +313,34 @@ mod tests {
         let solved = |k: usize| {
             let of = materials(k as f64 / 39.0);
             let rho: Vec<f64> = (0..n).map(|p| of[p % 3]).collect();
+            transport::solve(&s, &area, &rho).unwrap()
+        };
+        // The larger patches: every other one, of the same materials.
+        let larger = |k: usize| {
+            let of = materials(k as f64 / 39.0);
+            let some: Vec<usize> = (0..n).step_by(2).collect();
+            let rho: Vec<f64> = some.iter().map(|p| of[p % 3]).collect();
+            let area: Vec<f64> = some.iter().map(|p| 2.0 * area[*p]).collect();
+            let s: Vec<f64> =
+                some.iter().flat_map(|p| some.iter().map(|q| 3.0 * s[p * n + q])).collect();
             let q = transport::solve(&s, &area, &rho).unwrap();
             q.into_iter().map(|q| q as f32).collect::<Stored>()
         };
-        let all: Vec<Stored> = (0..40).map(solved).collect();
+        let coarse: Vec<Stored> = (0..40).map(larger).collect();
+        let all: Vec<Matrix> = (0..40).map(solved).collect();
         for wanted in [1e-2, 1e-4, 1e-6] {
-            let few = Spectral::new(all.clone(), wanted);
+            let few =
+                Spectral::new(&coarse.iter().collect::<Vec<_>>(), wanted, |k| Some(solved(k)))
+                    .unwrap();
             assert!(few.len() < 25, "{wanted}: {}", few.len());
             for (node, truth) in all.iter().enumerate() {
-                assert!(few.off[node] <= wanted);
+                assert!(few.off[node] <= 10.0 * wanted, "{wanted}: {}", few.off[node]);
                 for (k, q) in truth.iter().enumerate() {
-                    let found: f64 = few
-                        .basis
-                        .iter()
-                        .zip(&few.mix[node])
-                        .map(|(b, c)| f64::from(b[k]) * c)
-                        .sum();
-                    let off = (found - f64::from(*q)).abs();
-                    let mean = f64::from(few.basis[0][k]);
+                    let made = |mix: &[f64]| -> f64 {
+                        few.basis.iter().zip(mix).map(|(b, c)| f64::from(b[k]) * c).sum()
+                    };
+                    let mean = made(&few.mean) + EVEN * few.sums[k / n] * few.sums[k % n];
+                    let off = (made(&few.mix[node]) - q).abs();
                     assert!(off <= (few.off[node] + 5e-7) * mean, "{wanted} {node} {k}: {off}");
                 }
             }

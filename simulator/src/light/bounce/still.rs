@@ -40,8 +40,11 @@ const MOST_SPARE: f64 = 20.0;
 const KEPT_OF_PATHS: f64 = 2.0;
 /// Times as many numbers in matrices at most: 250 MB while they are made.
 const MOST_SPARE_NUMBERS: f64 = 4.0;
-/// Share of the tolerance that patches and rays may take each.
+/// Matrices that many wavelengths take.
+const USUAL_MATRICES: usize = 40;
+/// Shares of the tolerance that patches and rays may take: they err independently of each other.
 const OF_TOLERANCE: f64 = 0.5;
+const OF_RAYS: f64 = 0.3;
 
 /// Limits of the cost of an epoch of one direction, and when this cost is worth it.
 #[derive(Debug, Clone, Copy)]
@@ -169,7 +172,7 @@ impl Still {
             // Many rays are worth their time for the last size alone.
             let last = look.coarseness <= target || {
                 let next = cells(size / FINER);
-                let numbers = next.diffuse[0].pow(2) * nodes.nm.len();
+                let numbers = next.diffuse[0].pow(2) * nodes.nm.len().min(USUAL_MATRICES);
                 next.list.len() > effort.patches || numbers > effort.numbers
             };
             if !last {
@@ -177,7 +180,7 @@ impl Still {
                 continue;
             }
             // Nothing is gained by far less noise than the patches' size leaves open.
-            let enough = target.max(OF_COARSENESS * look.coarseness);
+            let enough = (OF_RAYS * options.tolerance).max(OF_COARSENESS * look.coarseness);
             loop {
                 let more_rays = if look.factors > enough { draft.more_rays(rays) } else { rays };
                 let more_chords =
@@ -337,6 +340,6 @@ impl Still {
     /// The claimed error of what was found, m² sr⁻¹.
     fn claimed(&self, found: &Found) -> f64 {
         let left = self.claim.of_size(found.light, found.left);
-        left + found.noise() + (self.nodes.error + 1e-7) * found.light
+        left.hypot(found.noise()) + (self.nodes.error + 1e-7) * found.light
     }
 }
