@@ -1,8 +1,10 @@
 //! Transmission of the atmosphere for a direct beam: text, JSON, table and figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Map;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::air::survey::{AirGrid, AirQuestion, AirRow, ChannelAir};
@@ -57,6 +59,56 @@ impl Shown {
         let rows = report.air.survey(&question, None)?;
         Ok(Self { heading, nm: question.grid.nm, rows })
     }
+}
+
+#[derive(Serialize)]
+struct AirJson<'a> {
+    station: Option<&'a String>,
+    title: String,
+    columns: ColumnsJson,
+    aerosol: AerosolJson,
+    value: String,
+    missing: &'a str,
+    wavelength_nm: &'a [f64],
+    zenith: Vec<ZenithJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct ColumnsJson {
+    pressure_hpa: f64,
+    temperature_k: f64,
+    ozone_du: f64,
+    water_mm: f64,
+    co2_ppm: f64,
+    aerosol_optical_depth_550_nm: f64,
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    channel: &'a str,
+    transmission: f64,
+    extinction_mag: f64,
+    uncovered_nm: f64,
+}
+
+#[derive(Serialize)]
+struct ZenithJson<'a> {
+    true_deg: f64,
+    apparent_deg: f64,
+    refraction_arcsec: f64,
+    airmass: AirmassJson,
+    transmission: Vec<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    channels_for_flat_photons: Vec<ChannelJson<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    components: Option<Map<String, Value>>,
+}
+
+#[derive(Serialize)]
+struct AirmassJson {
+    rayleigh: f64,
+    ozone: f64,
+    water: f64,
 }
 
 impl AirReport<'_> {
@@ -137,9 +189,9 @@ impl AirReport<'_> {
             ("zenith_kind", if self.question.apparent { "apparent" } else { "true" }),
             ("value", &grid.kind()),
         ] {
-            table.meta.insert(key.into(), json!(value));
+            table.meta.insert(key.into(), json_of(&value));
         }
-        table.meta.insert("missing".into(), json!(MISSING));
+        table.meta.insert("missing".into(), json_of(&MISSING));
         table.columns.push(Column::f64("wavelength_nm", Some("nm"), grid.nm.clone()));
         for (row, angle) in rows.iter().zip(&self.question.zenith_deg) {
             let angle = format!("z{}", round(*angle));
@@ -167,40 +219,53 @@ impl AirReport<'_> {
     pub fn json(&self) -> Value {
         let Self { air, rows, station, .. } = *self;
         let (grid, title) = (&self.question.grid, air.describe());
-        let json_rows: Vec<Value> = rows.iter().map(|row| self.json_row(air, row)).collect();
         let c = air.columns();
-        json!({
-            "station": station.map(|s| &s.name), "title": title,
-            "columns": { "pressure_hpa": rounded(c.pressure_hpa), "temperature_k": rounded(c.temperature_k),
-                "ozone_du": rounded(c.ozone_du), "water_mm": rounded(c.water_mm), "co2_ppm": rounded(c.co2_ppm),
-                "aerosol_optical_depth_550_nm": rounded(c.aerosol_550) },
-            "aerosol": aerosol_json(air),
-            "value": grid.kind(), "missing": MISSING, "wavelength_nm": grid.nm, "zenith": json_rows,
+        json_of(&AirJson {
+            station: station.map(|s| &s.name),
+            title,
+            columns: ColumnsJson {
+                pressure_hpa: rounded(c.pressure_hpa),
+                temperature_k: rounded(c.temperature_k),
+                ozone_du: rounded(c.ozone_du),
+                water_mm: rounded(c.water_mm),
+                co2_ppm: rounded(c.co2_ppm),
+                aerosol_optical_depth_550_nm: rounded(c.aerosol_550),
+            },
+            aerosol: aerosol(air),
+            value: grid.kind(),
+            missing: MISSING,
+            wavelength_nm: &grid.nm,
+            zenith: rows.iter().map(|row| self.json_row(air, row)).collect(),
         })
     }
 
-    fn json_row(&self, air: &Air, row: &AirRow) -> Value {
+    fn json_row<'a>(&self, air: &Air, row: &'a AirRow) -> ZenithJson<'a> {
         let masses = air.air_masses(&row.path);
         let list = |values: &[f64]| -> Vec<f64> { values.iter().map(|v| rounded(*v)).collect() };
-        let mut json = json!({
-            "true_deg": rounded(row.path.true_deg), "apparent_deg": rounded(row.path.apparent_deg),
-            "refraction_arcsec": rounded(row.path.refraction_arcsec()),
-            "airmass": { "rayleigh": rounded(masses.rayleigh), "ozone": rounded(masses.ozone), "water": rounded(masses.water) },
-            "transmission": list(&row.total),
+        let channel = |c: &'a ChannelAir| ChannelJson {
+            channel: &c.name,
+            transmission: rounded(c.transmission),
+            extinction_mag: rounded(magnitudes(c.transmission)),
+            uncovered_nm: rounded(c.uncovered_nm),
+        };
+        let parts = row.components.as_ref().map(|components| {
+            constituents(components)
+                .map(|(name, values)| (name.to_owned(), json_of(&list(values))))
+                .collect()
         });
-        if !row.channels.is_empty() {
-            let channel = |c: &ChannelAir| {
-                json!({ "channel": c.name, "transmission": rounded(c.transmission),
-                    "extinction_mag": rounded(magnitudes(c.transmission)), "uncovered_nm": rounded(c.uncovered_nm) })
-            };
-            json["channels_for_flat_photons"] = row.channels.iter().map(channel).collect();
+        ZenithJson {
+            true_deg: rounded(row.path.true_deg),
+            apparent_deg: rounded(row.path.apparent_deg),
+            refraction_arcsec: rounded(row.path.refraction_arcsec()),
+            airmass: AirmassJson {
+                rayleigh: rounded(masses.rayleigh),
+                ozone: rounded(masses.ozone),
+                water: rounded(masses.water),
+            },
+            transmission: list(&row.total),
+            channels_for_flat_photons: row.channels.iter().map(channel).collect(),
+            components: parts,
         }
-        if let Some(components) = &row.components {
-            let parts = constituents(components)
-                .map(|(name, values)| (name.to_owned(), json!(list(values))));
-            json["components"] = Value::Object(parts.collect());
-        }
-        json
     }
 
     fn figure(&self) -> Figure {
@@ -277,15 +342,25 @@ fn line(text: &mut String, label: &str, values: &[f64], digits: usize) {
     text.push('\n');
 }
 
+#[derive(Serialize)]
+struct AerosolJson {
+    model: &'static str,
+    optical_depth_550_nm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exponent: Option<f64>,
+}
+
 /// The aerosol as summaries hold it.
-fn aerosol_json(air: &Air) -> Value {
+fn aerosol(air: &Air) -> AerosolJson {
     let depth = rounded(air.columns().aerosol_550);
     match air.options().aerosol {
         Aerosol::Angstrom { exponent, .. } => {
-            json!({ "model": "angstrom", "optical_depth_550_nm": depth, "exponent": exponent })
+            AerosolJson { model: "angstrom", optical_depth_550_nm: depth, exponent: Some(exponent) }
         }
-        Aerosol::Model(model) => json!({ "model": model.name(), "optical_depth_550_nm": depth }),
-        _ => json!({ "model": "none", "optical_depth_550_nm": depth }),
+        Aerosol::Model(model) => {
+            AerosolJson { model: model.name(), optical_depth_550_nm: depth, exponent: None }
+        }
+        _ => AerosolJson { model: "none", optical_depth_550_nm: depth, exponent: None },
     }
 }
 

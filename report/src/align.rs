@@ -2,9 +2,9 @@
 
 use crate::plot::gallery::{Gallery, Key, Tile};
 use crate::plot::{RGBColor, viridis};
-use crate::{Product, rounded};
+use crate::{Product, json_of, rounded};
 use image::{Rgba, RgbaImage};
-use serde_json::json;
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_calibration::alignment::{Alignment, Cell, Field};
 use sunglint_formats::{Column, Table};
@@ -72,6 +72,28 @@ pub fn text(found: &Alignment, station: &Station) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct FibreJson<'a> {
+    name: &'a str,
+    stars: usize,
+    points: usize,
+    offset_px: [f64; 2],
+    offset_uncertainty_px: [f64; 2],
+    sigma_px: [f64; 2],
+    sigma_uncertainty_px: [f64; 2],
+    angle_deg: f64,
+    angle_uncertainty_deg: f64,
+    scatter: f64,
+    correlated_points: usize,
+}
+
+#[derive(Serialize)]
+struct AlignedJson<'a> {
+    station: &'a str,
+    channels: Vec<FibreJson<'a>>,
+    warnings: &'a [String],
+}
+
 /// The measured maps as a table, a picture of them, and the fits as JSON.
 pub fn product(found: &Alignment, station: &Station) -> Product {
     let Alignment { fields, warnings } = found;
@@ -93,19 +115,19 @@ pub fn product(found: &Alignment, station: &Station) -> Product {
     let fits = fields.iter().map(|field| {
         let fibre = field.fit.fibre();
         let [x, y, u, v, angle] = field.fit.uncertainties();
-        json!({
-            "name": field.channel,
-            "stars": field.stars,
-            "points": field.points,
-            "offset_px": pair(fibre.offset_px.to_array()),
-            "offset_uncertainty_px": pair([x, y]),
-            "sigma_px": pair(fibre.sigma_px.to_array()),
-            "sigma_uncertainty_px": pair([u, v]),
-            "angle_deg": rounded(field.fit.angle_deg),
-            "angle_uncertainty_deg": rounded(angle),
-            "scatter": rounded(field.fit.scatter),
-            "correlated_points": field.fit.correlated_points,
-        })
+        FibreJson {
+            name: &field.channel,
+            stars: field.stars,
+            points: field.points,
+            offset_px: pair(fibre.offset_px.to_array()),
+            offset_uncertainty_px: pair([x, y]),
+            sigma_px: pair(fibre.sigma_px.to_array()),
+            sigma_uncertainty_px: pair([u, v]),
+            angle_deg: rounded(field.fit.angle_deg),
+            angle_uncertainty_deg: rounded(angle),
+            scatter: rounded(field.fit.scatter),
+            correlated_points: field.fit.correlated_points,
+        }
     });
     Product {
         name: "fibres".into(),
@@ -120,7 +142,7 @@ pub fn product(found: &Alignment, station: &Station) -> Product {
                 .flat_map(|field| [tile(field, false), tile(field, true)])
                 .collect(),
         }),
-        json: json!({"station": station.name, "channels": fits.collect::<Vec<_>>(), "warnings": warnings}),
+        json: json_of(&AlignedJson { station: &station.name, channels: fits.collect(), warnings }),
         ..Product::default()
     }
 }

@@ -2,8 +2,9 @@
 
 use crate::calibrate::colours;
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_calibration::apply::{Applied, ChannelPhotometry, Photometry, is_valid};
 use sunglint_formats::flag_bits::bit_names;
@@ -22,6 +23,24 @@ pub struct AppliedReport<'a> {
     pub found: &'a Applied,
     /// The station.
     pub station: &'a Station,
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    channel: &'a str,
+    samples: usize,
+    mean_rate_hz: f64,
+    kappa: Option<f64>,
+    relative_sigma: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct AppliedJson<'a> {
+    target: &'a str,
+    night: &'a str,
+    channels: Vec<ChannelJson<'a>>,
+    photometry: Option<PhotometryJson<'a>>,
+    warnings: &'a [String],
 }
 
 impl AppliedReport<'_> {
@@ -111,20 +130,22 @@ impl AppliedReport<'_> {
     }
 
     fn json(&self) -> Value {
-        let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
-        let channel = |(name, samples, mean): (&str, usize, f64)| {
+        let channel = |(name, samples, mean)| {
             let row = self.found.night.channel(name);
-            json!({
-                "channel": name, "samples": samples, "mean_rate_hz": number(mean),
-                "kappa": row.map(|r| rounded(r.kappa)), "relative_sigma": row.map(|r| rounded(r.relative_sigma)),
-            })
+            ChannelJson {
+                channel: name,
+                samples,
+                mean_rate_hz: rounded(mean),
+                kappa: row.map(|r| rounded(r.kappa)),
+                relative_sigma: row.map(|r| rounded(r.relative_sigma)),
+            }
         };
-        json!({
-            "target": self.target(),
-            "night": self.found.night.night,
-            "channels": self.means().into_iter().map(channel).collect::<Vec<_>>(),
-            "photometry": self.found.photometry.as_ref().map(photometry_json),
-            "warnings": self.found.warnings,
+        json_of(&AppliedJson {
+            target: self.target(),
+            night: &self.found.night.night,
+            channels: self.means().into_iter().map(channel).collect(),
+            photometry: self.found.photometry.as_ref().map(photometry_json),
+            warnings: &self.found.warnings,
         })
     }
 }
@@ -150,7 +171,7 @@ pub fn photometry_product(found: &Photometry) -> Product {
             "above the air; sigma without that of kappa, which is common to all samples".into(),
         ),
     ];
-    facts.into_iter().for_each(|(key, value)| drop(table.meta.insert(key.into(), json!(value))));
+    facts.into_iter().for_each(|(key, value)| drop(table.meta.insert(key.into(), json_of(&value))));
     table.meta.insert("flag_bits".into(), bit_names::<Flags>());
     for c in &found.channels {
         let mut push = |suffix: &str, unit: &str, values: &[f64]| {
@@ -169,7 +190,12 @@ pub fn photometry_product(found: &Photometry) -> Product {
         let bits = c.flags.iter().map(|f| i64::from(f.bits())).collect();
         table.columns.push(Column::i64(format!("{}_flags", c.name), None, bits));
     }
-    Product { name: "photometry".into(), table, json: photometry_json(found), ..Product::default() }
+    Product {
+        name: "photometry".into(),
+        table,
+        json: json_of(&photometry_json(found)),
+        ..Product::default()
+    }
 }
 
 fn photometry_text(found: &Photometry) -> String {
@@ -203,16 +229,38 @@ fn photometry_text(found: &Photometry) -> String {
     text
 }
 
-fn photometry_json(found: &Photometry) -> Value {
-    let channel = |c: &ChannelPhotometry| {
-        let range = |values: &[f64]| c.range(values).map(|(a, b)| json!([rounded(a), rounded(b)]));
-        json!({
-            "channel": c.name, "magnitude_range": range(&c.magnitude), "irradiance_range_w_m2_nm": range(&c.irradiance),
-            "standard_magnitude_range": c.standard.as_deref().and_then(range),
-        })
-    };
-    json!({
-        "band": found.band, "zero_point": found.zero.to_string(), "spectrum": found.spectrum, "phase_law": found.law.name(),
-        "channels": found.channels.iter().map(channel).collect::<Vec<_>>(),
-    })
+#[derive(Serialize)]
+struct RangesJson<'a> {
+    channel: &'a str,
+    magnitude_range: Option<[f64; 2]>,
+    irradiance_range_w_m2_nm: Option<[f64; 2]>,
+    standard_magnitude_range: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct PhotometryJson<'a> {
+    band: &'a str,
+    zero_point: String,
+    spectrum: &'a str,
+    phase_law: &'a str,
+    channels: Vec<RangesJson<'a>>,
+}
+
+fn photometry_json(found: &Photometry) -> PhotometryJson<'_> {
+    fn channel(c: &ChannelPhotometry) -> RangesJson<'_> {
+        let range = |values: &[f64]| c.range(values).map(|(a, b)| [rounded(a), rounded(b)]);
+        RangesJson {
+            channel: &c.name,
+            magnitude_range: range(&c.magnitude),
+            irradiance_range_w_m2_nm: range(&c.irradiance),
+            standard_magnitude_range: c.standard.as_deref().and_then(range),
+        }
+    }
+    PhotometryJson {
+        band: &found.band,
+        zero_point: found.zero.to_string(),
+        spectrum: &found.spectrum,
+        phase_law: found.law.name(),
+        channels: found.channels.iter().map(channel).collect(),
+    }
 }

@@ -1,9 +1,10 @@
 //! The attitude of a body of known shape: summary, JSON, tables, figures.
 
 use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Style};
-use crate::{Product, rounded};
+use crate::{Product, json_of, rounded};
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, Table};
@@ -97,84 +98,198 @@ pub fn product(analysis: &AttitudeAnalysis) -> Product {
     }
 }
 
+#[derive(Serialize)]
+struct MinimumJson<'a> {
+    ra_deg: f64,
+    dec_deg: f64,
+    axis_sigma_deg: Option<[f64; 2]>,
+    axis_position_deg: Option<f64>,
+    period_s: f64,
+    period_sigma_s: Option<f64>,
+    phase_deg: f64,
+    phase_sigma_deg: Option<f64>,
+    turn_sigma_deg: Option<f64>,
+    attitude_sigma_deg: Option<f64>,
+    covariance: Vec<Vec<f64>>,
+    chi2: f64,
+    delta_chi2: f64,
+    probability: f64,
+    from_best_deg: f64,
+    twin: Option<TwinJson>,
+    brightness: Vec<BrightnessJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct TwinJson {
+    symmetry: String,
+    exchanged: bool,
+    unlike: f64,
+    off_deg: f64,
+}
+
+#[derive(Serialize)]
+struct BrightnessJson<'a> {
+    name: &'a str,
+    value: f64,
+    sigma: f64,
+}
+
+#[derive(Serialize)]
+struct AttitudeJson<'a> {
+    name: &'a str,
+    verdict: &'a str,
+    reason: Option<String>,
+    minima: Vec<MinimumJson<'a>>,
+    epoch_utc: String,
+    axis_body: [f64; 3],
+    unknown: UnknownJson,
+    channels: &'a [String],
+    samples: usize,
+    epochs: usize,
+    epochs_taken: usize,
+    span_s: f64,
+    turns: f64,
+    reduced_chi2: f64,
+    extra_noise: f64,
+    residual_correlation: f64,
+    other_light: OtherLight,
+    symmetries: Vec<SymmetryJson<'a>>,
+    search: SearchJson,
+    curves: Vec<CurveJson<'a>>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct UnknownJson {
+    axis: bool,
+    phase: bool,
+    period: bool,
+}
+
+#[derive(Serialize)]
+struct OtherLight {
+    median_share: f64,
+    largest_share: f64,
+}
+
+#[derive(Serialize)]
+struct SymmetryJson<'a> {
+    name: &'a str,
+    unlike: f64,
+    taken: bool,
+}
+
+#[derive(Serialize)]
+struct SearchJson {
+    axes: usize,
+    periods: usize,
+    simulated_epochs: usize,
+    finer: bool,
+    seconds: f64,
+}
+
+#[derive(Serialize)]
+struct CurveJson<'a> {
+    path: String,
+    left_out: Vec<LostJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct LostJson<'a> {
+    why: &'a str,
+    samples: usize,
+}
+
 /// The analysis with documented keys.
 pub fn json(analysis: &AttitudeAnalysis) -> Value {
     let answer = &analysis.answer;
-    let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
     let scales = analysis.scale_names();
-    let minimum = |m: &Minimum| {
-        let covariance: Vec<Vec<Value>> =
-            m.covariance.iter().map(|r| r.iter().map(|v| number(*v)).collect()).collect();
-        json!({
-            "ra_deg": rounded(m.ra_deg),
-            "dec_deg": rounded(m.dec_deg),
-            "axis_sigma_deg": m.axis.map(|a| [rounded(a.major_deg), rounded(a.minor_deg)]),
-            "axis_position_deg": m.axis.map(|a| rounded(a.position_deg)),
-            "period_s": number(m.period_s),
-            "period_sigma_s": m.period_sigma_s.map(rounded),
-            "phase_deg": rounded(m.phase_deg),
-            "phase_sigma_deg": m.phase_sigma_deg.map(rounded),
-            "turn_sigma_deg": m.turn_sigma_deg.map(rounded),
-            "attitude_sigma_deg": m.attitude_sigma_deg.map(rounded),
-            "covariance": covariance,
-            "chi2": rounded(m.chi2),
-            "delta_chi2": rounded(m.delta_chi2),
-            "probability": rounded(m.probability),
-            "from_best_deg": rounded(m.from_best_deg),
-            "twin": m.twin.as_ref().map(|(twin, off)| json!({
-                "symmetry": twin.name(),
-                "exchanged": twin.exchanged,
-                "unlike": rounded(twin.unlike()),
-                "off_deg": rounded(*off),
-            })),
-            "brightness": scales.iter().zip(&m.scales).map(|(name, (value, sigma))| json!({
-                "name": name, "value": rounded(*value), "sigma": number(*sigma),
-            })).collect::<Vec<_>>(),
-        })
+    let minimum = |m: &Minimum| MinimumJson {
+        ra_deg: rounded(m.ra_deg),
+        dec_deg: rounded(m.dec_deg),
+        axis_sigma_deg: m.axis.map(|a| [rounded(a.major_deg), rounded(a.minor_deg)]),
+        axis_position_deg: m.axis.map(|a| rounded(a.position_deg)),
+        period_s: rounded(m.period_s),
+        period_sigma_s: m.period_sigma_s.map(rounded),
+        phase_deg: rounded(m.phase_deg),
+        phase_sigma_deg: m.phase_sigma_deg.map(rounded),
+        turn_sigma_deg: m.turn_sigma_deg.map(rounded),
+        attitude_sigma_deg: m.attitude_sigma_deg.map(rounded),
+        covariance: m.covariance.iter().map(|r| r.iter().map(|v| rounded(*v)).collect()).collect(),
+        chi2: rounded(m.chi2),
+        delta_chi2: rounded(m.delta_chi2),
+        probability: rounded(m.probability),
+        from_best_deg: rounded(m.from_best_deg),
+        twin: m.twin.as_ref().map(|(twin, off)| TwinJson {
+            symmetry: twin.name(),
+            exchanged: twin.exchanged,
+            unlike: rounded(twin.unlike()),
+            off_deg: rounded(*off),
+        }),
+        brightness: scales
+            .iter()
+            .zip(&m.scales)
+            .map(|(name, (value, sigma))| BrightnessJson {
+                name,
+                value: rounded(*value),
+                sigma: rounded(*sigma),
+            })
+            .collect(),
     };
-    json!({
-        "name": analysis.name,
-        "verdict": analysis.answer.verdict.name(),
-        "reason": match &answer.verdict {
+    json_of(&AttitudeJson {
+        name: &analysis.name,
+        verdict: analysis.answer.verdict.name(),
+        reason: match &answer.verdict {
             Verdict::Undetermined(why) => Some(why.clone()),
             _ => None,
         },
-        "minima": answer.minima.iter().map(minimum).collect::<Vec<_>>(),
-        "epoch_utc": format_utc_shortest(analysis.question.epoch),
-        "axis_body": analysis.question.axis_body.to_array().map(rounded),
-        "unknown": {
-            "axis": analysis.question.unknowns.axis,
-            "phase": analysis.question.unknowns.phase,
-            "period": analysis.question.unknowns.period,
+        minima: answer.minima.iter().map(minimum).collect(),
+        epoch_utc: format_utc_shortest(analysis.question.epoch),
+        axis_body: analysis.question.axis_body.to_array().map(rounded),
+        unknown: UnknownJson {
+            axis: analysis.question.unknowns.axis,
+            phase: analysis.question.unknowns.phase,
+            period: analysis.question.unknowns.period,
         },
-        "channels": analysis.channels,
-        "samples": answer.samples,
-        "epochs": answer.epochs,
-        "epochs_taken": answer.epochs_taken,
-        "span_s": rounded(answer.span_s),
-        "turns": rounded(answer.turns),
-        "reduced_chi2": rounded(answer.reduced_chi2),
-        "extra_noise": rounded(answer.extra_noise),
-        "residual_correlation": rounded(answer.correlation),
-        "other_light": {
-            "median_share": rounded(answer.other_light.0),
-            "largest_share": rounded(answer.other_light.1),
+        channels: &analysis.channels,
+        samples: answer.samples,
+        epochs: answer.epochs,
+        epochs_taken: answer.epochs_taken,
+        span_s: rounded(answer.span_s),
+        turns: rounded(answer.turns),
+        reduced_chi2: rounded(answer.reduced_chi2),
+        extra_noise: rounded(answer.extra_noise),
+        residual_correlation: rounded(answer.correlation),
+        other_light: OtherLight {
+            median_share: rounded(answer.other_light.0),
+            largest_share: rounded(answer.other_light.1),
         },
-        "symmetries": answer.symmetries.iter().map(|s| json!({
-            "name": s.name, "unlike": rounded(s.unlike), "taken": s.unlike < ALIKE,
-        })).collect::<Vec<_>>(),
-        "search": {
-            "axes": answer.surface.len(),
-            "periods": answer.periods,
-            "simulated_epochs": answer.simulated,
-            "finer": answer.finer,
-            "seconds": rounded(analysis.seconds),
+        symmetries: answer
+            .symmetries
+            .iter()
+            .map(|s| SymmetryJson {
+                name: s.name,
+                unlike: rounded(s.unlike),
+                taken: s.unlike < ALIKE,
+            })
+            .collect(),
+        search: SearchJson {
+            axes: answer.surface.len(),
+            periods: answer.periods,
+            simulated_epochs: answer.simulated,
+            finer: answer.finer,
+            seconds: rounded(analysis.seconds),
         },
-        "curves": analysis.curves.iter().zip(&analysis.left_out).map(|(curve, lost)| json!({
-            "path": curve.measured.path.display().to_string(),
-            "left_out": lost.iter().map(|(why, n)| json!({ "why": why, "samples": n })).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "warnings": analysis.warnings,
+        curves: analysis
+            .curves
+            .iter()
+            .zip(&analysis.left_out)
+            .map(|(curve, lost)| CurveJson {
+                path: curve.measured.path.display().to_string(),
+                left_out: lost.iter().map(|(why, n)| LostJson { why, samples: *n }).collect(),
+            })
+            .collect(),
+        warnings: &analysis.warnings,
     })
 }
 
@@ -185,8 +300,8 @@ fn table(analysis: &AttitudeAnalysis) -> Table {
     let deg = Some("deg");
     let nan = f64::NAN;
     let mut table = Table::default();
-    table.meta.insert("title".into(), json!(format!("{}: minima of the attitude", analysis.name)));
-    table.meta.insert("epoch_utc".into(), json!(format_utc_shortest(analysis.question.epoch)));
+    table.meta.insert("title".into(), format!("{}: minima of the attitude", analysis.name).into());
+    table.meta.insert("epoch_utc".into(), format_utc_shortest(analysis.question.epoch).into());
     table.columns = vec![
         Column::f64("ra_deg", deg, of(&|m| m.ra_deg)).described("of the axis, GCRS"),
         Column::f64("dec_deg", deg, of(&|m| m.dec_deg)),
@@ -272,7 +387,7 @@ fn curve(analysis: &AttitudeAnalysis) -> Table {
         (curve.times[at.1], at.0)
     };
     let mut table = Table::default();
-    table.meta.insert("title".into(), json!(format!("{}: measured and simulated", analysis.name)));
+    table.meta.insert("title".into(), format!("{}: measured and simulated", analysis.name).into());
     let unit = if analysis.curves[0].measured.magnitudes { None } else { Some("Hz") };
     table.columns = vec![
         Column::text("time_utc", samples.iter().map(|s| format_utc(time(s).0, 6)).collect()),

@@ -1,8 +1,9 @@
 //! Error against time of the light engines: rows as text, table, figure and JSON.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_simulator::bench::{BenchRow, Benchmark};
@@ -10,18 +11,46 @@ use sunglint_simulator::bench::{BenchRow, Benchmark};
 /// Value at which an error of exactly 0 is drawn.
 const NO_ERROR: f64 = 1e-17;
 
+#[derive(Serialize)]
+struct RowJson<'a> {
+    scene: &'a str,
+    engine: &'a str,
+    bins: usize,
+    facets: usize,
+    seconds_per_epoch: f64,
+    seconds_fastest: f64,
+    repeats: usize,
+    epochs_per_repeat: usize,
+    seconds_prepare: Option<f64>,
+    relative_error: Option<f64>,
+    error_source: &'a str,
+    error_estimate: Option<f64>,
+}
+
 /// A row with its documented keys.
 pub fn row_json(row: &BenchRow) -> Value {
-    let number = |value: f64| json!(rounded(value));
-    json!({
-        "scene": row.scene, "engine": row.engine, "bins": row.bins, "facets": row.facets,
-        "seconds_per_epoch": number(row.timing.median_s),
-        "seconds_fastest": number(row.timing.fastest_s),
-        "repeats": row.timing.repeats, "epochs_per_repeat": row.timing.epochs,
-        "seconds_prepare": row.prepare_s.map(number),
-        "relative_error": row.error.map(number), "error_source": row.error_source,
-        "error_estimate": row.estimate.map(number),
+    json_of(&RowJson {
+        scene: &row.scene,
+        engine: row.engine,
+        bins: row.bins,
+        facets: row.facets,
+        seconds_per_epoch: rounded(row.timing.median_s),
+        seconds_fastest: rounded(row.timing.fastest_s),
+        repeats: row.timing.repeats,
+        epochs_per_repeat: row.timing.epochs,
+        seconds_prepare: row.prepare_s.map(rounded),
+        relative_error: row.error.map(rounded),
+        error_source: row.error_source,
+        error_estimate: row.estimate.map(rounded),
     })
+}
+
+#[derive(Serialize)]
+struct BenchJson<'a> {
+    program: String,
+    processor: &'a str,
+    threads: u8,
+    rows: Vec<Value>,
 }
 
 /// All forms of the result.
@@ -30,11 +59,11 @@ pub fn product(found: &Benchmark) -> Product {
         name: "bench".into(),
         table: table(found),
         figure: figure(found),
-        json: json!({
-            "program": format!("sunglint {}", env!("CARGO_PKG_VERSION")),
-            "processor": found.processor,
-            "threads": 1,
-            "rows": found.rows.iter().map(row_json).collect::<Vec<_>>(),
+        json: json_of(&BenchJson {
+            program: format!("sunglint {}", env!("CARGO_PKG_VERSION")),
+            processor: &found.processor,
+            threads: 1,
+            rows: found.rows.iter().map(row_json).collect(),
         }),
         ..Product::default()
     }
@@ -75,9 +104,9 @@ pub fn table(found: &Benchmark) -> Table {
     ];
     let mut table = Table { columns, ..Table::default() };
     for (key, value) in [
-        ("title", json!("Error against time of the light engines, one thread")),
-        ("program", json!(format!("sunglint {}", env!("CARGO_PKG_VERSION")))),
-        ("processor", json!(found.processor)),
+        ("title", "Error against time of the light engines, one thread".into()),
+        ("program", format!("sunglint {}", env!("CARGO_PKG_VERSION")).into()),
+        ("processor", json_of(&found.processor)),
     ] {
         table.meta.insert(key.into(), value);
     }

@@ -8,16 +8,27 @@ mod readings;
 pub use lists::{drivers, drivers_text, inventory, inventory_text};
 pub use readings::{reading_text, readings, readings_text};
 
-use crate::Product;
-use serde_json::{Map, Value, json};
+use crate::{Product, json_of};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_drivers::catalogue::Address;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{Device, DeviceError, Identity, Origin, Value as SettingValue};
 use sunglint_drivers::recording::{Header, ReplayError};
-use sunglint_drivers::session::{Check, CheckStep, Finding, Moves, SettingsDone};
+use sunglint_drivers::session::{Check, CheckStep, Finding, Moves, Position, SettingsDone};
 use sunglint_formats::{Column, Table};
+
+#[derive(Serialize)]
+struct Described<'a> {
+    vendor: &'a str,
+    model: &'a str,
+    serial: Option<&'a str>,
+    firmware: Option<&'a str>,
+    driver: &'a str,
+    settings: Map<String, Value>,
+}
 
 /// Who a device says it is, with all its settings, as JSON; each step has a deadline.
 ///
@@ -28,22 +39,15 @@ pub fn described(
     within: &dyn Fn() -> Deadline,
 ) -> Result<Value, DeviceError> {
     let identity = device.identity(&within())?;
-    let settings = device.settings(&within())?.into_iter().map(|setting| {
-        let value = match setting.value {
-            SettingValue::Number(number) => json!(number),
-            SettingValue::Integer(number) => json!(number),
-            SettingValue::Text(text) => json!(text),
-            SettingValue::Flag(flag) => json!(flag),
-        };
-        (setting.name.to_owned(), value)
-    });
-    Ok(json!({
-        "vendor": identity.vendor,
-        "model": identity.model,
-        "serial": identity.serial,
-        "firmware": identity.firmware,
-        "driver": identity.driver,
-        "settings": settings.collect::<Map<_, _>>(),
+    let settings = device.settings(&within())?;
+    let settings = settings.iter().map(|s| (s.name.to_owned(), setting_json(&s.value)));
+    Ok(json_of(&Described {
+        vendor: &identity.vendor,
+        model: &identity.model,
+        serial: identity.serial.as_deref(),
+        firmware: identity.firmware.as_deref(),
+        driver: identity.driver,
+        settings: settings.collect(),
     }))
 }
 
@@ -62,42 +66,53 @@ pub fn title(address: &Address, about: &Identity) -> String {
     )
 }
 
-/// Returns the keys that every document about a device begins with.
-fn document(address: &Address, device: Option<&Identity>) -> Map<String, Value> {
+#[derive(Serialize)]
+struct DeviceJson<'a> {
+    vendor: &'a str,
+    model: &'a str,
+    serial: Option<&'a str>,
+    firmware: Option<&'a str>,
+}
+
+/// The keys that every document about a device begins with.
+#[derive(Serialize)]
+struct AboutJson<'a> {
+    address: String,
+    driver: &'static str,
+    kind: String,
+    simulated: bool,
+    device: Option<DeviceJson<'a>>,
+}
+
+fn about<'a>(address: &Address, device: Option<&'a Identity>) -> AboutJson<'a> {
     let driver = address.driver;
-    let device = device.map(|about| {
-        json!({
-            "vendor": about.vendor,
-            "model": about.model,
-            "serial": about.serial,
-            "firmware": about.firmware,
-        })
-    });
-    [
-        ("address", json!(address.to_string())),
-        ("driver", json!(driver.name)),
-        ("kind", json!(driver.kind.to_string())),
-        ("simulated", json!(driver.simulated)),
-        ("device", json!(device)),
-    ]
-    .map(|(key, value)| (key.to_owned(), value))
-    .into_iter()
-    .collect()
+    AboutJson {
+        address: address.to_string(),
+        driver: driver.name,
+        kind: driver.kind.to_string(),
+        simulated: driver.simulated,
+        device: device.map(|about| DeviceJson {
+            vendor: &about.vendor,
+            model: &about.model,
+            serial: about.serial.as_deref(),
+            firmware: about.firmware.as_deref(),
+        }),
+    }
 }
 
 /// Returns a setting's value for a document.
 fn setting_json(value: &SettingValue) -> Value {
     match value {
-        SettingValue::Number(number) => json!(number),
-        SettingValue::Integer(number) => json!(number),
-        SettingValue::Flag(flag) => json!(flag),
-        other => json!(other.to_string()),
+        SettingValue::Number(number) => (*number).into(),
+        SettingValue::Integer(number) => (*number).into(),
+        SettingValue::Flag(flag) => (*flag).into(),
+        other => other.to_string().into(),
     }
 }
 
-fn product(name: &str, columns: Vec<Column>, json: Map<String, Value>) -> Product {
+fn product(name: &str, columns: Vec<Column>, json: &impl Serialize) -> Product {
     let table = Table { columns, ..Table::default() };
-    Product { name: name.into(), table, json: Value::Object(json), ..Product::default() }
+    Product { name: name.into(), table, json: json_of(json), ..Product::default() }
 }
 
 /// Returns what a step of a self-test found, in words; `error` says why the last step failed.
@@ -129,6 +144,29 @@ pub fn check_text(check: &Check, error: Option<&str>) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct SettingJson<'a> {
+    name: &'a str,
+    value: Value,
+    origin: &'a str,
+}
+
+#[derive(Serialize)]
+struct StepJson<'a> {
+    step: &'a str,
+    verdict: &'a str,
+    detail: String,
+}
+
+#[derive(Serialize)]
+struct CheckJson<'a> {
+    #[serde(flatten)]
+    about: AboutJson<'a>,
+    settings: Vec<SettingJson<'a>>,
+    steps: Vec<StepJson<'a>>,
+    error: Option<&'a str>,
+}
+
 /// Returns a self-test as a table of its steps and as JSON; `error` says why it failed.
 pub fn check(check: &Check, error: Option<&str>) -> Product {
     let column = |name, of: &dyn Fn(&CheckStep) -> String| {
@@ -139,21 +177,21 @@ pub fn check(check: &Check, error: Option<&str>) -> Product {
         column("verdict", &|step| step.verdict().word().to_owned()),
         column("detail", &|step| detail(check, step, error)),
     ];
-    let mut json = document(&check.address, check.identity());
     let settings = check.settings().iter().map(|setting| {
         let origin = match setting.origin {
             Origin::ReadBack => "read_back",
             Origin::Configured => "configured",
         };
-        json!({ "name": setting.name, "value": setting_json(&setting.value), "origin": origin })
+        SettingJson { name: setting.name, value: setting_json(&setting.value), origin }
     });
-    json.insert("settings".into(), settings.collect());
-    let steps = check.steps.iter().map(|step| {
-        json!({ "step": step.name, "verdict": step.verdict().word(), "detail": detail(check, step, error) })
+    let steps = check.steps.iter().map(|step| StepJson {
+        step: step.name,
+        verdict: step.verdict().word(),
+        detail: detail(check, step, error),
     });
-    json.insert("steps".into(), steps.collect());
-    json.insert("error".into(), json!(error));
-    product("check", columns, json)
+    let about = about(&check.address, check.identity());
+    let (settings, steps) = (settings.collect(), steps.collect());
+    product("check", columns, &CheckJson { about, settings, steps, error })
 }
 
 /// Returns changed settings as text, and what can be changed where nothing was asked for.
@@ -173,25 +211,50 @@ pub fn settings_text(settings: &SettingsDone, asked: bool) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct SetJson<'a> {
+    name: &'a str,
+    asked: &'a str,
+    value: Value,
+}
+
+#[derive(Serialize)]
+struct TakesJson<'a> {
+    name: &'a str,
+    takes: &'a str,
+}
+
+#[derive(Serialize)]
+struct SettingsJson<'a> {
+    #[serde(flatten)]
+    about: AboutJson<'a>,
+    settings: Vec<SetJson<'a>>,
+    settable: Vec<TakesJson<'a>>,
+    complete: bool,
+    error: Option<&'a str>,
+}
+
 /// Returns changed settings as a table and as JSON; `error` says why they are not all.
 pub fn settings(settings: &SettingsDone, error: Option<&str>) -> Product {
     let done = &settings.done;
-    let mut json = document(&settings.address, Some(&settings.identity));
-    let set = done.iter().map(
-        |set| json!({ "name": set.name, "asked": set.asked, "value": setting_json(&set.value) }),
-    );
-    json.insert("settings".into(), set.collect());
-    let takes = settings.settable.iter();
-    let takes = takes.map(|(name, takes)| json!({ "name": name, "takes": takes }));
-    json.insert("settable".into(), takes.collect());
-    json.insert("complete".into(), json!(error.is_none()));
-    json.insert("error".into(), json!(error));
+    let set = done.iter().map(|set| SetJson {
+        name: &set.name,
+        asked: &set.asked,
+        value: setting_json(&set.value),
+    });
+    let json = SettingsJson {
+        about: about(&settings.address, Some(&settings.identity)),
+        settings: set.collect(),
+        settable: settings.settable.iter().map(|(name, takes)| TakesJson { name, takes }).collect(),
+        complete: error.is_none(),
+        error,
+    };
     let columns = vec![
         Column::text("name", done.iter().map(|set| set.name.clone()).collect()),
         Column::text("asked", done.iter().map(|set| set.asked.clone()).collect()),
         Column::text("value", done.iter().map(|set| set.value.to_string()).collect()),
     ];
-    product("settings", columns, json)
+    product("settings", columns, &json)
 }
 
 /// Returns moves as text.
@@ -207,23 +270,50 @@ pub fn moves_text(moves: &Moves) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct PlaceJson {
+    angle_deg: Option<f64>,
+    slot: Option<u32>,
+    position_steps: Option<i64>,
+}
+
+#[derive(Serialize)]
+struct MoveJson<'a> {
+    target: &'a str,
+    #[serde(flatten)]
+    at: PlaceJson,
+    took_s: f64,
+}
+
+#[derive(Serialize)]
+struct MovesJson<'a> {
+    #[serde(flatten)]
+    about: AboutJson<'a>,
+    moves: Vec<MoveJson<'a>>,
+    at: PlaceJson,
+    complete: bool,
+    error: Option<&'a str>,
+}
+
 /// Returns moves as a table and as JSON; `error` says why they are not all.
 pub fn moves(moves: &Moves, error: Option<&str>) -> Product {
-    let mut json = document(&moves.address, Some(&moves.identity));
-    let reached = moves.moves.iter().map(|one| {
-        json!({
-            "target": one.target,
-            "angle_deg": one.at.angle_deg(),
-            "slot": one.at.slot(),
-            "position_steps": one.at.steps(),
-            "took_s": one.took_s,
-        })
+    let place = |at: Position| PlaceJson {
+        angle_deg: at.angle_deg(),
+        slot: at.slot(),
+        position_steps: at.steps(),
+    };
+    let reached = moves.moves.iter().map(|one| MoveJson {
+        target: &one.target,
+        at: place(one.at),
+        took_s: one.took_s,
     });
-    json.insert("moves".into(), reached.collect());
-    let at = json!({ "angle_deg": moves.at.angle_deg(), "slot": moves.at.slot(), "position_steps": moves.at.steps() });
-    json.insert("at".into(), at);
-    json.insert("complete".into(), json!(error.is_none()));
-    json.insert("error".into(), json!(error));
+    let json = MovesJson {
+        about: about(&moves.address, Some(&moves.identity)),
+        moves: reached.collect(),
+        at: place(moves.at),
+        complete: error.is_none(),
+        error,
+    };
     let all = &moves.moves;
     let angle = all.iter().map(|one| one.at.angle_deg().unwrap_or(f64::NAN)).collect();
     let slot = all.iter().map(|one| one.at.slot().map_or(f64::NAN, f64::from)).collect();
@@ -236,7 +326,7 @@ pub fn moves(moves: &Moves, error: Option<&str>) -> Product {
         Column::f64("position_steps", None, steps),
         Column::f64("took_s", Some("s"), all.iter().map(|one| one.took_s).collect()),
     ];
-    product("moves", columns, json)
+    product("moves", columns, &json)
 }
 
 /// A recording that was replayed.
@@ -271,19 +361,32 @@ pub fn replay_text(replayed: &Replayed<'_>) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct ReplayJson<'a> {
+    recording: String,
+    recorded_device: &'a str,
+    source: &'a str,
+    synthetic: bool,
+    command: &'a [String],
+    agrees: bool,
+    mismatch: Option<String>,
+    ended: Option<&'a str>,
+    result: &'a Value,
+}
+
 /// Returns a replay as JSON.
 pub fn replay(replayed: &Replayed<'_>) -> Product {
     let Replayed { file, header, command, result, mismatch, ended, .. } = replayed;
-    let json = json!({
-        "recording": file.display().to_string(),
-        "recorded_device": header.device,
-        "source": header.source,
-        "synthetic": header.synthetic,
-        "command": command,
-        "agrees": mismatch.is_none(),
-        "mismatch": mismatch.map(ToString::to_string),
-        "ended": ended,
-        "result": result,
+    let json = json_of(&ReplayJson {
+        recording: file.display().to_string(),
+        recorded_device: &header.device,
+        source: &header.source,
+        synthetic: header.synthetic,
+        command,
+        agrees: mismatch.is_none(),
+        mismatch: mismatch.map(ToString::to_string),
+        ended: *ended,
+        result,
     });
     Product { name: "replay".into(), json, ..Product::default() }
 }

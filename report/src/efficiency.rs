@@ -1,19 +1,22 @@
 //! A detector's efficiency: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use sunglint_calibration::efficiency::Components;
 use sunglint_calibration::efficiency::{Efficiency, EfficiencyFlags, EfficiencyRun, Row, to_table};
 use sunglint_formats::text::counted;
+use sunglint_radiometry::light_curve::Input;
 
 /// The efficiency in all its forms.
 pub fn product(run: &EfficiencyRun) -> Product {
     let mut table = to_table(&run.efficiency);
-    table.meta.insert("sensor".into(), json!(run.name));
-    table.meta.insert("plan".into(), json!(run.plan));
-    table.meta.insert("inputs".into(), json!(inputs(run)));
+    table.meta.insert("sensor".into(), json_of(&run.name));
+    table.meta.insert("plan".into(), json_of(&run.plan));
+    table.meta.insert("inputs".into(), json_of(&run.inputs));
     Product {
         name: "efficiency".into(),
         figure: figure(&run.efficiency, &run.name),
@@ -21,11 +24,6 @@ pub fn product(run: &EfficiencyRun) -> Product {
         table,
         ..Product::default()
     }
-}
-
-fn inputs(run: &EfficiencyRun) -> Vec<Value> {
-    let input = run.inputs.iter();
-    input.map(|input| json!({ "file": input.file, "sha256": input.sha256 })).collect()
 }
 
 fn peak(found: &Efficiency) -> Option<&Row> {
@@ -67,6 +65,26 @@ pub fn text(run: &EfficiencyRun) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct LargestJson<'a> {
+    wavelength_nm: f64,
+    efficiency: f64,
+    sigma_efficiency: f64,
+    sigma_by: &'a Components,
+}
+
+#[derive(Serialize)]
+struct EfficiencyJson<'a> {
+    sensor: &'a str,
+    wavelengths: usize,
+    with_efficiency: usize,
+    largest: Option<LargestJson<'a>>,
+    left_out_nm: &'a [f64],
+    flagged: BTreeMap<String, usize>,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
 fn summary(run: &EfficiencyRun) -> Value {
     let found = &run.efficiency;
     let mut flagged: BTreeMap<String, usize> = BTreeMap::new();
@@ -75,23 +93,21 @@ fn summary(run: &EfficiencyRun) -> Value {
             *flagged.entry(name.to_lowercase()).or_default() += 1;
         }
     }
-    let largest = peak(found).map(|row| {
-        json!({
-            "wavelength_nm": rounded(row.wavelength_nm),
-            "efficiency": rounded(row.efficiency),
-            "sigma_efficiency": rounded(row.components.total()),
-            "sigma_by": row.components,
-        })
+    let largest = peak(found).map(|row| LargestJson {
+        wavelength_nm: rounded(row.wavelength_nm),
+        efficiency: rounded(row.efficiency),
+        sigma_efficiency: rounded(row.components.total()),
+        sigma_by: &row.components,
     });
-    json!({
-        "sensor": run.name,
-        "wavelengths": found.rows.len(),
-        "with_efficiency": found.rows.iter().filter(|row| row.efficiency.is_finite()).count(),
-        "largest": largest,
-        "left_out_nm": run.left_out_nm,
-        "flagged": flagged,
-        "warnings": run.warnings,
-        "inputs": inputs(run),
+    json_of(&EfficiencyJson {
+        sensor: &run.name,
+        wavelengths: found.rows.len(),
+        with_efficiency: found.rows.iter().filter(|row| row.efficiency.is_finite()).count(),
+        largest,
+        left_out_nm: &run.left_out_nm,
+        flagged,
+        warnings: &run.warnings,
+        inputs: &run.inputs,
     })
 }
 

@@ -1,14 +1,16 @@
 //! Endmembers of a curve: text, JSON, table and figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::column_name;
 use sunglint_formats::text::counted;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_inference::endmembers::FoundEndmembers;
+use sunglint_radiometry::light_curve::Input;
 
 /// The time of an endmember's sample, as text.
 fn time(found: &FoundEndmembers, k: usize) -> String {
@@ -30,18 +32,32 @@ pub fn product(found: &FoundEndmembers) -> Product {
     }
 }
 
+#[derive(Serialize)]
+struct Provenance<'a> {
+    program: &'a str,
+    command: &'a str,
+    target: &'a str,
+    inputs: [&'a Input; 1],
+}
+
 /// Table with a row for each band.
 pub fn table(found: &FoundEndmembers) -> Table {
     let order = found.order();
     let mut table = Table::default();
-    table.meta.insert("title".into(), json!(title(found)));
-    table
-        .meta
-        .insert("bands".into(), json!(order.iter().map(|b| &found.bands[*b]).collect::<Vec<_>>()));
+    table.meta.insert("title".into(), title(found).into());
     table.meta.insert(
-            "provenance".into(),
-            json!({"program": concat!("sunglint ", env!("CARGO_PKG_VERSION")), "command": "sunglint analyse endmembers", "target": found.target, "inputs": [&found.input]}),
-        );
+        "bands".into(),
+        json_of(&order.iter().map(|b| &found.bands[*b]).collect::<Vec<_>>()),
+    );
+    table.meta.insert(
+        "provenance".into(),
+        json_of(&Provenance {
+            program: concat!("sunglint ", env!("CARGO_PKG_VERSION")),
+            command: "sunglint analyse endmembers",
+            target: &found.target,
+            inputs: [&found.input],
+        }),
+    );
     let middles = order.iter().map(|b| found.middles_nm[*b]).collect();
     table.columns.push(Column::f64("wavelength_nm", Some("nm"), middles));
     for k in 0..found.count() {
@@ -107,28 +123,59 @@ pub fn text(found: &FoundEndmembers) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct NearestJson {
+    name: String,
+    angle_deg: f64,
+}
+
+#[derive(Serialize)]
+struct EndmemberJson {
+    time_utc: String,
+    rest: f64,
+    eta: f64,
+    spectrum: Vec<f64>,
+    nearest: Option<NearestJson>,
+}
+
+#[derive(Serialize)]
+struct EndmembersJson<'a> {
+    target: &'a str,
+    samples: usize,
+    bands: usize,
+    wavelengths_nm: Vec<f64>,
+    endmembers: Vec<EndmemberJson>,
+    stopped: &'a str,
+    left: f64,
+    noise: f64,
+    warnings: &'a [String],
+}
+
 /// Summary with its documented keys.
 pub fn json(found: &FoundEndmembers) -> Value {
-    let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
     let endmembers = (0..found.count()).map(|k| {
-            let target = &found.targets.targets[k];
-            let nearest = found.nearest(k).map(
-                |(name, angle)| json!({ "name": column_name(name), "angle_deg": number(angle.to_degrees()) }),
-            );
-            json!({
-                "time_utc": time(found, k), "rest": number(target.rest), "eta": number(target.eta),
-                "spectrum": found.spectrum(k).iter().map(|v| number(*v)).collect::<Vec<_>>(), "nearest": nearest,
-            })
+        let target = &found.targets.targets[k];
+        let nearest = found.nearest(k).map(|(name, angle)| NearestJson {
+            name: column_name(name),
+            angle_deg: rounded(angle.to_degrees()),
         });
-    json!({
-        "target": found.target,
-        "samples": found.time.len(),
-        "bands": found.bands.len(),
-        "wavelengths_nm": found.middles_nm.iter().map(|v| number(*v)).collect::<Vec<_>>(),
-        "endmembers": endmembers.collect::<Vec<_>>(),
-        "stopped": found.targets.stopped,
-        "left": number(found.targets.left),
-        "noise": number(found.noise),
-        "warnings": found.warnings,
+        EndmemberJson {
+            time_utc: time(found, k),
+            rest: rounded(target.rest),
+            eta: rounded(target.eta),
+            spectrum: found.spectrum(k).iter().map(|v| rounded(*v)).collect(),
+            nearest,
+        }
+    });
+    json_of(&EndmembersJson {
+        target: &found.target,
+        samples: found.time.len(),
+        bands: found.bands.len(),
+        wavelengths_nm: found.middles_nm.iter().map(|v| rounded(*v)).collect(),
+        endmembers: endmembers.collect(),
+        stopped: found.targets.stopped,
+        left: rounded(found.targets.left),
+        noise: rounded(found.noise),
+        warnings: &found.warnings,
     })
 }

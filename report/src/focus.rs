@@ -1,13 +1,13 @@
 //! A run through the focus, and the drift of several.
 
-use crate::Product;
 use crate::plot::{Axis, Figure, Panel, Series};
-use serde_json::json;
+use crate::{Product, json_of};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
-use sunglint_observatory::focus::curve::Shape;
+use sunglint_observatory::focus::curve::{Curve, Shape};
 use sunglint_observatory::focus::drift::{At, Drift};
-use sunglint_observatory::focus::run::{FocusRun, Seen};
+use sunglint_observatory::focus::run::{Approach, FocusRun, Seen};
 
 /// A position in a line.
 pub fn point_text(seen: &Seen) -> String {
@@ -76,6 +76,34 @@ fn figure(run: &FocusRun) -> Figure {
     Figure { title, panels: vec![Panel::new(x, y, series)] }
 }
 
+#[derive(Serialize)]
+struct PointJson {
+    position: i64,
+    hfr_px: Option<f64>,
+    sigma_px: Option<f64>,
+    stars: usize,
+}
+
+#[derive(Serialize)]
+struct ThereJson {
+    hfr_px: f64,
+    sigma_px: f64,
+    stars: usize,
+}
+
+#[derive(Serialize)]
+struct RunJson<'a> {
+    begin_utc: &'a str,
+    approach: &'a Approach,
+    started_at: i64,
+    stands_at: Option<i64>,
+    temperature_c: Option<f64>,
+    points: Vec<PointJson>,
+    curve: &'a Option<Curve>,
+    there: Option<ThereJson>,
+    error: Option<&'a str>,
+}
+
 /// A run in all its forms; `error` says why it did not end in focus.
 pub fn product(run: &FocusRun, error: Option<&str>) -> Product {
     let number = |of: fn(&Seen) -> f64| run.points.iter().map(of).collect::<Vec<f64>>();
@@ -94,26 +122,24 @@ pub fn product(run: &FocusRun, error: Option<&str>) -> Product {
             run.points.iter().map(|s| s.sharpness.map_or(0, |s| s.stars as i64)).collect(),
         ),
     ];
-    let points = run.points.iter().map(|seen| {
-        json!({
-            "position": seen.position,
-            "hfr_px": seen.sharpness.map(|s| s.hfr_px),
-            "sigma_px": seen.sharpness.map(|s| s.sigma_px),
-            "stars": seen.sharpness.map_or(0, |s| s.stars),
-        })
+    let points = run.points.iter().map(|seen| PointJson {
+        position: seen.position,
+        hfr_px: seen.sharpness.map(|s| s.hfr_px),
+        sigma_px: seen.sharpness.map(|s| s.sigma_px),
+        stars: seen.sharpness.map_or(0, |s| s.stars),
     });
     let there =
-        run.there.map(|s| json!({ "hfr_px": s.hfr_px, "sigma_px": s.sigma_px, "stars": s.stars }));
-    let json = json!({
-        "begin_utc": run.begin_utc,
-        "approach": run.approach,
-        "started_at": run.started_at,
-        "stands_at": run.stands_at,
-        "temperature_c": run.temperature_c,
-        "points": points.collect::<Vec<_>>(),
-        "curve": run.curve,
-        "there": there,
-        "error": error,
+        run.there.map(|s| ThereJson { hfr_px: s.hfr_px, sigma_px: s.sigma_px, stars: s.stars });
+    let json = json_of(&RunJson {
+        begin_utc: &run.begin_utc,
+        approach: &run.approach,
+        started_at: run.started_at,
+        stands_at: run.stands_at,
+        temperature_c: run.temperature_c,
+        points: points.collect(),
+        curve: &run.curve,
+        there,
+        error,
     });
     Product {
         name: "focus".into(),
@@ -141,6 +167,18 @@ pub fn drift_text(drift: &Drift, at: Option<f64>) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct RunsJson {
+    runs: usize,
+    steps_per_k: f64,
+    sigma_steps_per_k: f64,
+    position: f64,
+    temperature_c: f64,
+    chi2: f64,
+    at_c: Option<f64>,
+    position_there: Option<f64>,
+}
+
 /// A drift in all its forms.
 pub fn drift(drift: &Drift, runs: &[At], at: Option<f64>) -> Product {
     let number = |of: fn(&At) -> f64| runs.iter().map(of).collect::<Vec<f64>>();
@@ -149,15 +187,15 @@ pub fn drift(drift: &Drift, runs: &[At], at: Option<f64>) -> Product {
         Column::f64("position", None, number(|run| run.position)),
         Column::f64("sigma", None, number(|run| run.sigma)),
     ];
-    let json = json!({
-        "runs": drift.runs,
-        "steps_per_k": drift.steps_per_k,
-        "sigma_steps_per_k": drift.sigma_steps_per_k,
-        "position": drift.position,
-        "temperature_c": drift.temperature_c,
-        "chi2": drift.chi2,
-        "at_c": at,
-        "position_there": at.map(|celsius| drift.at(celsius)),
+    let json = json_of(&RunsJson {
+        runs: drift.runs,
+        steps_per_k: drift.steps_per_k,
+        sigma_steps_per_k: drift.sigma_steps_per_k,
+        position: drift.position,
+        temperature_c: drift.temperature_c,
+        chi2: drift.chi2,
+        at_c: at,
+        position_there: at.map(|celsius| drift.at(celsius)),
     });
     let table = Table { columns, ..Table::default() };
     Product { name: "drift".into(), table, json, ..Product::default() }

@@ -1,13 +1,15 @@
 //! Folded light curves: every sample by its phase in a period.
 
 use crate::plot::{Axis, Figure, Heat, Panel, Series as Drawn};
-use crate::{Product, inputs, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::fold::{Folded, FoldedChannel, FoldedCurves};
 use sunglint_analysis::series::Series;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_radiometry::light_curve::Input;
 
 /// Series that are drawn turn by turn.
 const DRAWN: usize = 6;
@@ -27,29 +29,56 @@ pub fn product(found: &FoldedCurves) -> Product {
     }
 }
 
+#[derive(Serialize)]
+struct AxisJson {
+    ra_deg: f64,
+    dec_deg: f64,
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    samples: usize,
+    flagged: usize,
+    turns: f64,
+    slip_turns: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct FoldJson<'a> {
+    period_s: f64,
+    period_sigma_s: Option<f64>,
+    axis: Option<AxisJson>,
+    epoch_utc: String,
+    bins: usize,
+    unit: Option<&'a str>,
+    channels: Vec<ChannelJson<'a>>,
+    warnings: &'a [String],
+    removed: &'a [String],
+    inputs: &'a [Input],
+}
+
 /// Summary with its documented keys.
 pub fn json(found: &FoldedCurves) -> Value {
-    let axis = |(ra, dec)| json!({ "ra_deg": rounded(ra), "dec_deg": rounded(dec) });
-    let channel = |c: &FoldedChannel| {
-        json!({
-            "name": c.series.name,
-            "samples": c.series.len(),
-            "flagged": c.series.left_out.flagged,
-            "turns": rounded(c.folded.turns),
-            "slip_turns": c.folded.slip.map(rounded),
-        })
-    };
-    json!({
-        "period_s": rounded(found.period_s),
-        "period_sigma_s": found.period_sigma_s.map(rounded),
-        "axis": found.axis_deg.map(axis),
-        "epoch_utc": format_utc_shortest(found.epoch),
-        "bins": found.bins,
-        "unit": found.are_rates.then_some("Hz"),
-        "channels": found.channels.iter().map(channel).collect::<Vec<_>>(),
-        "warnings": found.warnings,
-        "removed": found.removed,
-        "inputs": inputs::json(&found.inputs),
+    let axis = |(ra, dec)| AxisJson { ra_deg: rounded(ra), dec_deg: rounded(dec) };
+    let channels = found.channels.iter().map(|c| ChannelJson {
+        name: &c.series.name,
+        samples: c.series.len(),
+        flagged: c.series.left_out.flagged,
+        turns: rounded(c.folded.turns),
+        slip_turns: c.folded.slip.map(rounded),
+    });
+    json_of(&FoldJson {
+        period_s: rounded(found.period_s),
+        period_sigma_s: found.period_sigma_s.map(rounded),
+        axis: found.axis_deg.map(axis),
+        epoch_utc: format_utc_shortest(found.epoch),
+        bins: found.bins,
+        unit: found.are_rates.then_some("Hz"),
+        channels: channels.collect(),
+        warnings: &found.warnings,
+        removed: &found.removed,
+        inputs: &found.inputs,
     })
 }
 

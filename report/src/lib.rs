@@ -85,5 +85,6 @@ pub mod unmix;
 
 pub use lines::channel_line;
 pub use numbers::rounded;
+pub(crate) use product::json_of;
 pub use product::{Format, Product, ProductError};
 pub use stream::{TableRows, TableRowsError};

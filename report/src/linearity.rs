@@ -1,8 +1,9 @@
 //! A detector's dead time from steps of light: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_calibration::detector::fit::{Choice, Exposure, Fitted, Light, Region};
@@ -71,9 +72,9 @@ pub fn product(name: &str, choice: &Choice, exposures: &[Exposure]) -> Product {
         Column::i64("exposures", None, rows.iter().map(count).collect()),
     ];
     let meta = [
-        ("kind", json!("linearity")),
-        ("detector", json!(name)),
-        ("law", json!(shown(choice).map(|f| f.name))),
+        ("kind", "linearity".into()),
+        ("detector", json_of(&name)),
+        ("law", json_of(&shown(choice).map(|f| f.name))),
     ];
     let meta = meta.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
     Product {
@@ -85,45 +86,80 @@ pub fn product(name: &str, choice: &Choice, exposures: &[Exposure]) -> Product {
     }
 }
 
-fn region(region: &Region) -> Value {
+#[derive(Serialize)]
+struct RegionJson {
+    counted_hz: [f64; 2],
+    lights: usize,
+    chi2: f64,
+    worst: f64,
+}
+
+fn region(region: &Region) -> RegionJson {
     let (least, most) = region.counted_hz;
-    json!({
-        "counted_hz": [rounded(least), rounded(most)],
-        "lights": region.lights,
-        "chi2": rounded(region.chi2),
-        "worst": rounded(region.worst),
-    })
+    RegionJson {
+        counted_hz: [rounded(least), rounded(most)],
+        lights: region.lights,
+        chi2: rounded(region.chi2),
+        worst: rounded(region.worst),
+    }
+}
+
+#[derive(Serialize)]
+struct ParameterJson<'a> {
+    name: &'a str,
+    value: f64,
+    low: f64,
+    high: f64,
+}
+
+#[derive(Serialize)]
+struct LawJson<'a> {
+    dead_time_model: &'a str,
+    found: Vec<ParameterJson<'a>>,
+    chi2: f64,
+    freedom: usize,
+    fits: bool,
+    regions: Vec<RegionJson>,
+    dark_hz: f64,
+}
+
+#[derive(Serialize)]
+struct LinearityJson<'a> {
+    detector: &'a str,
+    told: Option<&'a str>,
+    left: Vec<&'a str>,
+    laws: Vec<LawJson<'a>>,
+    scatter: f64,
+    measured_hz: [f64; 2],
 }
 
 fn summary(name: &str, choice: &Choice) -> Value {
     let law = |fitted: &Fitted| {
-        let found: Vec<Value> = (fitted.found.iter())
-            .map(|f| {
-                json!({
-                    "name": f.name,
-                    "value": rounded(f.value),
-                    "low": rounded(f.low),
-                    "high": if f.high.is_finite() { json!(rounded(f.high)) } else { Value::Null },
-                })
+        let found: Vec<_> = (fitted.found.iter())
+            .map(|f| ParameterJson {
+                name: f.name,
+                value: rounded(f.value),
+                low: rounded(f.low),
+                high: rounded(f.high),
             })
             .collect();
-        json!({
-            "dead_time_model": fitted.name,
-            "found": found,
-            "chi2": rounded(fitted.chi2),
-            "freedom": fitted.freedom,
-            "fits": fitted.fits,
-            "regions": fitted.regions.iter().map(region).collect::<Vec<_>>(),
-            "dark_hz": rounded(fitted.dark_hz),
-        })
+        LawJson {
+            dead_time_model: fitted.name,
+            found,
+            chi2: rounded(fitted.chi2),
+            freedom: fitted.freedom,
+            fits: fitted.fits,
+            regions: fitted.regions.iter().map(region).collect(),
+            dark_hz: rounded(fitted.dark_hz),
+        }
     };
-    json!({
-        "detector": name,
-        "told": choice.told().map(|f| f.name),
-        "left": choice.left.iter().map(|k| choice.fitted[*k].name).collect::<Vec<_>>(),
-        "laws": choice.fitted.iter().map(law).collect::<Vec<_>>(),
-        "scatter": rounded(choice.scatter),
-        "measured_hz": [rounded(choice.measured_hz.0), rounded(choice.measured_hz.1)],
+    json_of(&LinearityJson {
+        detector: name,
+        told: choice.told().map(|f| f.name),
+        left: choice.left.iter().map(|k| choice.fitted[*k].name).collect(),
+        laws: choice.fitted.iter().map(law).collect(),
+        scatter: rounded(choice.scatter),
+        measured_hz: [rounded(choice.measured_hz.0), rounded(choice.measured_hz.1)],
     })
 }
 

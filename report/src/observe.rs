@@ -1,6 +1,10 @@
 //! A night as it is observed: its status, its clock, how it ended.
 
-use serde_json::{Value, json};
+use crate::json_of;
+use glam::DVec2;
+use serde::Serialize;
+use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::session::ClockState;
 use sunglint_formats::time::format_utc;
@@ -46,53 +50,89 @@ pub fn status_text(snapshot: &Snapshot) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct FrameJson {
+    start_utc: String,
+    number: u64,
+    mean_adu: f64,
+    most_adu: u16,
+    brightest_px: Option<DVec2>,
+}
+
+#[derive(Serialize)]
+struct MountJson<'a> {
+    state: &'a str,
+    error_arcsec: Option<f64>,
+    seen_arcsec: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct DeviceJson<'a> {
+    state: &'a str,
+    error: Option<&'a String>,
+    taken: u64,
+    losses: u64,
+    refused: u64,
+    rates_hz: Map<String, Value>,
+    frame: Option<FrameJson>,
+    mount: Option<MountJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct StatusJson<'a> {
+    kind: &'a str,
+    utc: String,
+    target: Option<&'a str>,
+    devices: Map<String, Value>,
+    disk_free_bytes: Option<u64>,
+    disk_error: Option<&'a str>,
+    not_written: u64,
+    messages: &'a [String],
+}
+
 /// Returns the state of a night as a JSON line of the kind `status`.
 pub fn status_json(snapshot: &Snapshot) -> Value {
     let devices = snapshot.devices.iter().map(|(name, device)| {
-        let rates: Value =
-            device.rates_hz.iter().map(|(c, rate)| (c.clone(), json!(rate))).collect();
+        let rates: Map<_, _> =
+            device.rates_hz.iter().map(|(c, rate)| (c.clone(), Value::from(*rate))).collect();
         let error = match &device.state {
             State::Lost { error } | State::Failed { error } => Some(error),
             _ => None,
         };
-        let frame = device.frame.as_ref().map(|frame| {
-            json!({
-                "start_utc": format_utc(frame.start, 6),
-                "number": frame.number,
-                "mean_adu": frame.mean_adu,
-                "most_adu": frame.most_adu,
-                "brightest_px": frame.brightest_px,
-            })
+        let frame = device.frame.as_ref().map(|frame| FrameJson {
+            start_utc: format_utc(frame.start, 6),
+            number: frame.number,
+            mean_adu: frame.mean_adu,
+            most_adu: frame.most_adu,
+            brightest_px: frame.brightest_px,
         });
-        let mount = device.mount.as_ref().map(|mount| {
-            json!({
-                "state": mount.state,
-                "error_arcsec": mount.error_arcsec,
-                "seen_arcsec": mount.seen_arcsec,
-            })
+        let mount = device.mount.as_ref().map(|mount| MountJson {
+            state: &mount.state,
+            error_arcsec: mount.error_arcsec,
+            seen_arcsec: mount.seen_arcsec,
         });
-        let value = json!({
-            "state": device.state.word(),
-            "error": error,
-            "taken": device.taken,
-            "losses": device.losses,
-            "refused": device.refused,
-            "rates_hz": rates,
-            "frame": frame,
-            "mount": mount,
+        let value = json_of(&DeviceJson {
+            state: device.state.word(),
+            error,
+            taken: device.taken,
+            losses: device.losses,
+            refused: device.refused,
+            rates_hz: rates,
+            frame,
+            mount,
         });
         (name.clone(), value)
     });
-    let status = json!({
-        "utc": format_utc(snapshot.utc, 3),
-        "target": snapshot.target,
-        "devices": devices.collect::<serde_json::Map<_, _>>(),
-        "disk_free_bytes": snapshot.free_bytes,
-        "disk_error": snapshot.disk_error,
-        "not_written": snapshot.missing,
-        "messages": snapshot.messages,
-    });
-    line("status", status)
+    json_of(&StatusJson {
+        kind: "status",
+        utc: format_utc(snapshot.utc, 3),
+        target: snapshot.target.as_deref(),
+        devices: devices.collect(),
+        disk_free_bytes: snapshot.free_bytes,
+        disk_error: snapshot.disk_error.as_deref(),
+        not_written: snapshot.missing,
+        messages: &snapshot.messages,
+    })
 }
 
 /// Returns how a night went, on one line.
@@ -109,23 +149,36 @@ pub fn summary_text(summary: &Summary) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct SummaryJson<'a> {
+    kind: &'a str,
+    session: String,
+    utc: String,
+    reason: &'a str,
+    taken: &'a BTreeMap<String, u64>,
+    on_disk: &'a BTreeMap<String, u64>,
+    empty_steps: &'a [String],
+    losses: &'a BTreeMap<String, u64>,
+    refused: &'a BTreeMap<String, u64>,
+    failed: &'a [(String, String)],
+    not_written: u64,
+}
+
 /// Returns how a night went as a JSON line of the kind `end`.
 pub fn summary_json(summary: &Summary) -> Value {
-    line(
-        "end",
-        json!({
-            "session": summary.root.display().to_string(),
-            "utc": format_utc(summary.utc, 3),
-            "reason": if summary.stopped { "stopped" } else { "done" },
-            "taken": summary.taken,
-            "on_disk": summary.on_disk,
-            "empty_steps": summary.empty,
-            "losses": summary.losses,
-            "refused": summary.refused,
-            "failed": summary.failed,
-            "not_written": summary.not_written,
-        }),
-    )
+    json_of(&SummaryJson {
+        kind: "end",
+        session: summary.root.display().to_string(),
+        utc: format_utc(summary.utc, 3),
+        reason: if summary.stopped { "stopped" } else { "done" },
+        taken: &summary.taken,
+        on_disk: &summary.on_disk,
+        empty_steps: &summary.empty,
+        losses: &summary.losses,
+        refused: &summary.refused,
+        failed: &summary.failed,
+        not_written: summary.not_written,
+    })
 }
 
 /// Returns the state of the computer's clock in a sentence.
@@ -147,16 +200,6 @@ pub fn clock_text(state: &ClockState) -> String {
         ),
         (Some(true), ..) => format!("{who} keeps the computer's clock; it tells no offset"),
     }
-}
-
-/// A JSON line of a kind.
-fn line(kind: &str, of: Value) -> Value {
-    let mut line = serde_json::Map::new();
-    line.insert("kind".into(), kind.into());
-    if let Value::Object(fields) = of {
-        line.extend(fields);
-    }
-    Value::Object(line)
 }
 
 /// A rate in three figures.

@@ -1,8 +1,8 @@
 //! How a mount shows directions: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::json;
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::{Column, Table};
@@ -78,6 +78,24 @@ pub fn text(fit: &PointingFit) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct TermJson<'a> {
+    name: &'a str,
+    arcsec: f64,
+    sigma_arcsec: f64,
+}
+
+#[derive(Serialize)]
+struct PointingJson<'a> {
+    axes: &'a str,
+    german: bool,
+    places: usize,
+    used: usize,
+    before_arcsec: f64,
+    rms_arcsec: f64,
+    terms: Vec<TermJson<'a>>,
+}
+
 /// All forms of the result.
 pub fn product(fit: &PointingFit) -> Product {
     let model = &fit.model;
@@ -87,21 +105,19 @@ pub fn product(fit: &PointingFit) -> Product {
     columns.push(Column::f64("off_first_arcsec", Some("arcsec"), arcsec(0)));
     columns.push(Column::f64("off_second_arcsec", Some("arcsec"), arcsec(1)));
     columns.push(Column::i64("used", None, fit.used.iter().map(|used| i64::from(*used)).collect()));
-    let term = |(term, known): &(PointingTerm, sunglint_numerics::measured::Measured)| {
-        json!({
-            "name": term.name(),
-            "arcsec": rounded(known.value),
-            "sigma_arcsec": rounded(known.sigma),
-        })
+    let term = |(term, known): &(PointingTerm, sunglint_numerics::measured::Measured)| TermJson {
+        name: term.name(),
+        arcsec: rounded(known.value),
+        sigma_arcsec: rounded(known.sigma),
     };
-    let json = json!({
-        "axes": if model.axes == MountAxes::Equatorial { "equatorial" } else { "horizontal" },
-        "german": model.german,
-        "places": fit.places.len(),
-        "used": model.points,
-        "before_arcsec": rounded(fit.before_arcsec),
-        "rms_arcsec": rounded(model.rms_arcsec),
-        "terms": model.terms_arcsec.iter().map(term).collect::<Vec<_>>(),
+    let json = json_of(&PointingJson {
+        axes: if model.axes == MountAxes::Equatorial { "equatorial" } else { "horizontal" },
+        german: model.german,
+        places: fit.places.len(),
+        used: model.points,
+        before_arcsec: rounded(fit.before_arcsec),
+        rms_arcsec: rounded(model.rms_arcsec),
+        terms: model.terms_arcsec.iter().map(term).collect(),
     });
     Product {
         name: "pointing".into(),

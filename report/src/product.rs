@@ -2,6 +2,7 @@
 
 use crate::plot::gallery::Gallery;
 use crate::plot::{Figure, PlotError};
+use serde::Serialize;
 use serde_json::Value;
 use sunglint_formats::fits::ascii_json;
 use sunglint_formats::{EncodeError, Meta, Table, ecsv};
@@ -204,4 +205,9 @@ fn plain_csv(table: &Table) -> Result<Vec<u8>, EncodeError> {
     let text = ecsv::to_string(table)?;
     let body: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     Ok((body.join("\n") + "\n").into_bytes())
+}
+
+/// A value as JSON: structs, texts, numbers (null where not finite) and lists of them always have one.
+pub(crate) fn json_of(of: &(impl Serialize + ?Sized)) -> Value {
+    serde_json::to_value(of).unwrap_or_default()
 }

@@ -1,6 +1,8 @@
 //! Report of a recorded night: what is there, and what is missing.
 
-use serde_json::{Value, json};
+use crate::json_of;
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::session::{Report, Session, Severity};
 use sunglint_formats::time::format_utc;
@@ -42,59 +44,99 @@ pub fn text(session: &Session, report: &Report) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct CounterJson<'a> {
+    name: &'a str,
+    rows: u64,
+    marked_rows: u64,
+    tags: Option<u64>,
+    marked_tags: u64,
+    flagged_gaps: u64,
+    unflagged_gaps: u64,
+    from_utc: Option<String>,
+    to_utc: Option<String>,
+}
+
+#[derive(Serialize)]
+struct CameraJson<'a> {
+    name: &'a str,
+    frames: u64,
+    marked_frames: u64,
+    missing_frames: u64,
+    unfinished_frames: u64,
+}
+
+#[derive(Serialize)]
+struct FindingJson<'a> {
+    severity: &'a str,
+    file: &'a str,
+    text: &'a str,
+}
+
+#[derive(Serialize)]
+struct SessionJson<'a> {
+    session: String,
+    station: &'a str,
+    program: &'a str,
+    start_utc: String,
+    safe_until_utc: Option<String>,
+    ended: bool,
+    whole: bool,
+    events: u64,
+    counters: Vec<CounterJson<'a>>,
+    cameras: Vec<CameraJson<'a>>,
+    findings: Vec<FindingJson<'a>>,
+}
+
 /// Summary with its documented keys.
 pub fn json(session: &Session, report: &Report) -> Value {
     let manifest = session.manifest();
     let utc = |epoch| format_utc(epoch, 6);
-    let counters: Vec<Value> = report
+    let counters: Vec<_> = report
         .counters
         .iter()
-        .map(|counter| {
-            json!({
-                "name": counter.name,
-                "rows": counter.rows,
-                "marked_rows": counter.marked_rows,
-                "tags": counter.tags,
-                "marked_tags": counter.marked_tags,
-                "flagged_gaps": counter.flagged_gaps,
-                "unflagged_gaps": counter.unflagged_gaps,
-                "from_utc": counter.from_to.map(|[from, _]| utc(from)),
-                "to_utc": counter.from_to.map(|[_, to]| utc(to)),
-            })
+        .map(|counter| CounterJson {
+            name: &counter.name,
+            rows: counter.rows,
+            marked_rows: counter.marked_rows,
+            tags: counter.tags,
+            marked_tags: counter.marked_tags,
+            flagged_gaps: counter.flagged_gaps,
+            unflagged_gaps: counter.unflagged_gaps,
+            from_utc: counter.from_to.map(|[from, _]| utc(from)),
+            to_utc: counter.from_to.map(|[_, to]| utc(to)),
         })
         .collect();
-    let cameras: Vec<Value> = report
+    let cameras: Vec<_> = report
         .cameras
         .iter()
-        .map(|camera| {
-            json!({
-                "name": camera.name,
-                "frames": camera.frames,
-                "marked_frames": camera.marked_frames,
-                "missing_frames": camera.missing_frames,
-                "unfinished_frames": camera.unfinished,
-            })
+        .map(|camera| CameraJson {
+            name: &camera.name,
+            frames: camera.frames,
+            marked_frames: camera.marked_frames,
+            missing_frames: camera.missing_frames,
+            unfinished_frames: camera.unfinished,
         })
         .collect();
-    let findings: Vec<Value> = report
+    let findings: Vec<_> = report
         .findings
         .iter()
         .map(|finding| {
             let severity = if finding.severity == Severity::Missing { "missing" } else { "note" };
-            json!({ "severity": severity, "file": finding.file, "text": finding.text })
+            FindingJson { severity, file: &finding.file, text: &finding.text }
         })
         .collect();
-    json!({
-        "session": session.root().display().to_string(),
-        "station": manifest.station,
-        "program": manifest.program,
-        "start_utc": utc(manifest.start_utc),
-        "safe_until_utc": report.safe_until.map(utc),
-        "ended": report.ended,
-        "whole": report.is_whole(),
-        "events": report.events,
-        "counters": counters,
-        "cameras": cameras,
-        "findings": findings,
+    json_of(&SessionJson {
+        session: session.root().display().to_string(),
+        station: &manifest.station,
+        program: &manifest.program,
+        start_utc: utc(manifest.start_utc),
+        safe_until_utc: report.safe_until.map(utc),
+        ended: report.ended,
+        whole: report.is_whole(),
+        events: report.events,
+        counters,
+        cameras,
+        findings,
     })
 }

@@ -1,9 +1,10 @@
 //! A star through time: text, JSON, table and figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, channel_line};
+use crate::{Product, channel_line, json_of};
 use hifitime::Unit;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, ParseError, Table, Values};
@@ -23,6 +24,111 @@ pub struct StarReport<'a> {
 
 /// Rows of a light curve that the text shows at most.
 const SHOWN: usize = 24;
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    bandwidth_nm: f64,
+    above_air_hz: f64,
+    band_average_hz_nm: f64,
+    typical_kappa: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct StarDocument<'a> {
+    star: StarJson<'a>,
+    station: StationJson<'a>,
+    air: AirJson,
+    spectrum: SpectrumJson,
+    exposure_s: f64,
+    channels: Vec<ChannelJson<'a>>,
+    warnings: &'a [String],
+    samples: Vec<MomentJson>,
+}
+
+#[derive(Serialize)]
+struct StarJson<'a> {
+    name: Option<&'a str>,
+    bayer: Option<&'a str>,
+    hip: Option<i64>,
+    hd: Option<i64>,
+    v_mag: Option<f64>,
+    bv_mag: Option<f64>,
+    spectral_type: Option<&'a str>,
+    notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct StationJson<'a> {
+    name: &'a str,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+}
+
+#[derive(Serialize)]
+struct AirJson {
+    description: String,
+    pressure_hpa: f64,
+    ozone_du: f64,
+    water_mm: f64,
+    aerosol_optical_depth_550_nm: f64,
+}
+
+#[derive(Serialize)]
+struct SpectrumJson {
+    origin: String,
+    fallback: bool,
+    colour_excess_mag: Option<f64>,
+    zero_point: String,
+}
+
+#[derive(Serialize)]
+struct RateJson {
+    rate_hz: Option<f64>,
+    sigma_hz: Option<f64>,
+    transmitted: Option<f64>,
+    arriving_hz: Option<f64>,
+    arriving_adu_s: Option<f64>,
+    counted_hz: Option<f64>,
+    saturated: bool,
+    signal_to_noise: Option<f64>,
+    uncovered_nm: f64,
+}
+
+#[derive(Serialize)]
+struct MomentJson {
+    time_utc: String,
+    altitude_deg: f64,
+    azimuth_deg: f64,
+    zenith_true_deg: f64,
+    zenith_apparent_deg: Option<f64>,
+    airmass_rayleigh: Option<f64>,
+    hour_angle_deg: f64,
+    ra_of_date_deg: f64,
+    dec_of_date_deg: f64,
+    hidden: bool,
+    horizon_deg: f64,
+    earth_orientation: String,
+    sun: SunJson,
+    moon: MoonJson,
+    rates: Map<String, Value>,
+}
+
+#[derive(Serialize)]
+struct SunJson {
+    altitude_deg: f64,
+    azimuth_deg: f64,
+    twilight: String,
+}
+
+#[derive(Serialize)]
+struct MoonJson {
+    altitude_deg: f64,
+    azimuth_deg: f64,
+    illuminated_fraction: f64,
+    separation_deg: f64,
+}
 
 impl StarReport<'_> {
     fn first(&self) -> &StarSight {
@@ -76,7 +182,7 @@ impl StarReport<'_> {
             ("zero_point", self.track.zero.to_string()),
             ("air", self.track.air.describe()),
         ] {
-            table.meta.insert(key.into(), json!(value));
+            table.meta.insert(key.into(), json_of(&value));
         }
         let unit = Some("W / (m2 nm)");
         // Below the horizon nothing comes through: the columns stay, without numbers.
@@ -97,7 +203,7 @@ impl StarReport<'_> {
         let mut json = Value::Object(table.meta.clone());
         for column in &table.columns {
             if let Values::F64(values) = &column.values {
-                json[&column.name] = json!(values);
+                json[&column.name] = json_of(&values);
             }
         }
         Product {
@@ -191,50 +297,98 @@ impl StarReport<'_> {
         let StarTrack { star, light, station, air, exposure_s, sights, .. } = self.track;
         let (site, columns) = (station.site.geodetic(), air.columns());
         let first = &self.first().rates;
-        let channels: Vec<Value> = station
+        let channels: Vec<_> = station
             .channels
             .iter()
             .zip(first)
-            .map(|(c, r)| {
-                json!({ "name": c.name, "bandwidth_nm": c.bandwidth_nm(), "above_air_hz": r.above_air_hz,
-                    "band_average_hz_nm": r.above_air_hz / c.bandwidth_nm(), "typical_kappa": c.typical_kappa })
+            .map(|(c, r)| ChannelJson {
+                name: &c.name,
+                bandwidth_nm: c.bandwidth_nm(),
+                above_air_hz: r.above_air_hz,
+                band_average_hz_nm: r.above_air_hz / c.bandwidth_nm(),
+                typical_kappa: c.typical_kappa,
             })
             .collect();
-        json!({
-            "star": { "name": star.name, "bayer": star.bayer, "hip": star.hip, "hd": star.hd, "v_mag": star.v_mag, "bv_mag": star.bv_mag,
-                "spectral_type": star.spectral_type, "notes": star.notes().iter().map(ToString::to_string).collect::<Vec<_>>() },
-            "station": { "name": station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": self.track.air.describe(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
-                "aerosol_optical_depth_550_nm": columns.aerosol_550 },
-            "spectrum": { "origin": light.origin.to_string(), "fallback": light.origin.is_fallback(),
-                "colour_excess_mag": light.colour_excess_mag, "zero_point": self.track.zero.to_string() },
-            "exposure_s": exposure_s, "channels": channels,
-            "warnings": self.warnings,
-            "samples": sights.iter().map(|s| self.sample(s)).collect::<Vec<_>>(),
+        json_of(&StarDocument {
+            star: StarJson {
+                name: star.name.as_deref(),
+                bayer: star.bayer.as_deref(),
+                hip: star.hip,
+                hd: star.hd,
+                v_mag: star.v_mag,
+                bv_mag: star.bv_mag,
+                spectral_type: star.spectral_type.as_deref(),
+                notes: star.notes().iter().map(ToString::to_string).collect(),
+            },
+            station: StationJson {
+                name: &station.name,
+                latitude_deg: site.latitude_deg,
+                longitude_deg: site.longitude_deg,
+                height_m: site.height_m,
+            },
+            air: AirJson {
+                description: self.track.air.describe(),
+                pressure_hpa: columns.pressure_hpa,
+                ozone_du: columns.ozone_du,
+                water_mm: columns.water_mm,
+                aerosol_optical_depth_550_nm: columns.aerosol_550,
+            },
+            spectrum: SpectrumJson {
+                origin: light.origin.to_string(),
+                fallback: light.origin.is_fallback(),
+                colour_excess_mag: light.colour_excess_mag,
+                zero_point: self.track.zero.to_string(),
+            },
+            exposure_s: *exposure_s,
+            channels,
+            warnings: self.warnings,
+            samples: sights.iter().map(|s| self.sample(s)).collect(),
         })
     }
 
-    fn sample(&self, s: &StarSight) -> Value {
+    fn sample(&self, s: &StarSight) -> MomentJson {
         let h = s.place.horizontal;
         let rates = self.track.station.channels.iter().zip(&s.rates).map(|(channel, r)| {
             let is_counter = matches!(channel.detector, Detector::Counter(_));
-            let value = json!({ "rate_hz": r.rate_hz, "sigma_hz": r.sigma_hz, "transmitted": r.transmitted(),
-                "arriving_hz": r.arriving.filter(|_| is_counter), "arriving_adu_s": r.arriving.filter(|_| !is_counter),
-                "counted_hz": r.counted_hz, "saturated": r.saturated, "signal_to_noise": r.signal_to_noise(), "uncovered_nm": r.uncovered_nm });
+            let value = json_of(&RateJson {
+                rate_hz: r.rate_hz,
+                sigma_hz: r.sigma_hz,
+                transmitted: r.transmitted(),
+                arriving_hz: r.arriving.filter(|_| is_counter),
+                arriving_adu_s: r.arriving.filter(|_| !is_counter),
+                counted_hz: r.counted_hz,
+                saturated: r.saturated,
+                signal_to_noise: r.signal_to_noise(),
+                uncovered_nm: r.uncovered_nm,
+            });
             (channel.name.clone(), value)
         });
-        json!({
-            "time_utc": format_utc_shortest(s.epoch), "altitude_deg": h.altitude_deg(), "azimuth_deg": h.azimuth_deg(),
-            "zenith_true_deg": h.zenith_deg(), "zenith_apparent_deg": s.path.as_ref().map(|p| p.apparent_deg),
-            "airmass_rayleigh": s.airmass, "hour_angle_deg": s.place.hour_angle_deg,
-            "ra_of_date_deg": s.place.of_date.ra_deg, "dec_of_date_deg": s.place.of_date.dec_deg,
-            "hidden": s.hidden, "horizon_deg": self.track.station.horizon.elevation_deg(h.azimuth_deg()),
-            "earth_orientation": s.orientation.to_string(),
-            "sun": { "altitude_deg": s.sun.horizontal.altitude_deg(), "azimuth_deg": s.sun.horizontal.azimuth_deg(), "twilight": s.twilight.to_string() },
-            "moon": { "altitude_deg": s.moon.horizontal.altitude_deg(), "azimuth_deg": s.moon.horizontal.azimuth_deg(),
-                "illuminated_fraction": s.moon.place.illuminated_fraction(), "separation_deg": s.moon_separation_deg },
-            "rates": Value::Object(rates.collect()),
-        })
+        MomentJson {
+            time_utc: format_utc_shortest(s.epoch),
+            altitude_deg: h.altitude_deg(),
+            azimuth_deg: h.azimuth_deg(),
+            zenith_true_deg: h.zenith_deg(),
+            zenith_apparent_deg: s.path.as_ref().map(|p| p.apparent_deg),
+            airmass_rayleigh: s.airmass,
+            hour_angle_deg: s.place.hour_angle_deg,
+            ra_of_date_deg: s.place.of_date.ra_deg,
+            dec_of_date_deg: s.place.of_date.dec_deg,
+            hidden: s.hidden,
+            horizon_deg: self.track.station.horizon.elevation_deg(h.azimuth_deg()),
+            earth_orientation: s.orientation.to_string(),
+            sun: SunJson {
+                altitude_deg: s.sun.horizontal.altitude_deg(),
+                azimuth_deg: s.sun.horizontal.azimuth_deg(),
+                twilight: s.twilight.to_string(),
+            },
+            moon: MoonJson {
+                altitude_deg: s.moon.horizontal.altitude_deg(),
+                azimuth_deg: s.moon.horizontal.azimuth_deg(),
+                illuminated_fraction: s.moon.place.illuminated_fraction(),
+                separation_deg: s.moon_separation_deg,
+            },
+            rates: rates.collect(),
+        }
     }
 
     /// The text.

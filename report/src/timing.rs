@@ -1,9 +1,10 @@
 //! When cameras expose: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::json;
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use std::fmt::Write as _;
+use sunglint_calibration::timing::FrameClock;
 use sunglint_calibration::timing::{MeasuredTiming, Measurement};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
@@ -60,6 +61,39 @@ pub fn text(measurement: &Measurement) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct BandJson {
+    row_px: f64,
+    latency_s: f64,
+    latency_sigma_s: f64,
+}
+
+#[derive(Serialize)]
+struct CameraJson<'a> {
+    name: &'a str,
+    instrument: Option<&'a str>,
+    binning: [u32; 2],
+    window_px: Option<[usize; 2]>,
+    clock: &'a FrameClock,
+    latency_s: f64,
+    latency_sigma_s: f64,
+    jitter_s: f64,
+    row_time_s: Option<f64>,
+    row_time_sigma_s: Option<f64>,
+    channel: &'a str,
+    bin_s: f64,
+    frames: usize,
+    telling_frames: f64,
+    most_s: f64,
+    bands: Vec<BandJson>,
+}
+
+#[derive(Serialize)]
+struct TimingJson<'a> {
+    cameras: Vec<CameraJson<'a>>,
+    warnings: &'a [String],
+}
+
 /// The frames' light and the counter's as a table, a figure, and the times as JSON.
 pub fn product(measurement: &Measurement) -> Product {
     let found = &measurement.found;
@@ -76,36 +110,31 @@ pub fn product(measurement: &Measurement) -> Product {
     ];
     let cameras = found.iter().map(|found| {
         let timing = &found.timing;
-        let bands = found.bands.iter().map(|(row, later)| {
-            json!({
-                "row_px": rounded(*row),
-                "latency_s": rounded(later.value),
-                "latency_sigma_s": rounded(later.sigma),
-            })
+        let bands = found.bands.iter().map(|(row, later)| BandJson {
+            row_px: rounded(*row),
+            latency_s: rounded(later.value),
+            latency_sigma_s: rounded(later.sigma),
         });
-        json!({
-            "name": timing.camera,
-            "instrument": timing.instrument,
-            "binning": timing.binning,
-            "window_px": timing.window_px,
-            "clock": timing.clock,
-            "latency_s": rounded(timing.latency_s.value),
-            "latency_sigma_s": rounded(timing.latency_s.sigma),
-            "jitter_s": rounded(timing.jitter_s),
-            "row_time_s": timing.row_time_s.map(|time| rounded(time.value)),
-            "row_time_sigma_s": timing.row_time_s.map(|time| rounded(time.sigma)),
-            "channel": found.channel,
-            "bin_s": rounded(found.bin_s),
-            "frames": timing.frames,
-            "telling_frames": rounded(found.telling),
-            "most_s": rounded(found.most_s),
-            "bands": bands.collect::<Vec<_>>(),
-        })
+        CameraJson {
+            name: &timing.camera,
+            instrument: timing.instrument.as_deref(),
+            binning: timing.binning,
+            window_px: timing.window_px,
+            clock: &timing.clock,
+            latency_s: rounded(timing.latency_s.value),
+            latency_sigma_s: rounded(timing.latency_s.sigma),
+            jitter_s: rounded(timing.jitter_s),
+            row_time_s: timing.row_time_s.map(|time| rounded(time.value)),
+            row_time_sigma_s: timing.row_time_s.map(|time| rounded(time.sigma)),
+            channel: &found.channel,
+            bin_s: rounded(found.bin_s),
+            frames: timing.frames,
+            telling_frames: rounded(found.telling),
+            most_s: rounded(found.most_s),
+            bands: bands.collect(),
+        }
     });
-    let json = json!({
-        "cameras": cameras.collect::<Vec<_>>(),
-        "warnings": measurement.warnings,
-    });
+    let json = json_of(&TimingJson { cameras: cameras.collect(), warnings: &measurement.warnings });
     Product {
         name: "timing".into(),
         table: Table { columns, ..Table::default() },

@@ -51,6 +51,7 @@ def curves(folder):
     def lobe(turn, at, width):
         return math.exp(width * (math.cos(2 * math.pi * (turn - at)) - 1.0))
 
+    (folder / "curves").mkdir(exist_ok=True)
     text = ""
     for i in range(600):
         t = 0.25 + 0.5 * i

@@ -1,7 +1,8 @@
 //! Measured values and densities as a material: text, summary, tables.
 
-use crate::rounded;
-use serde_json::{Value, json};
+use crate::{json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table, Values};
@@ -12,7 +13,7 @@ use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::Input;
 
 fn table_of(kind: &str, columns: Vec<Column>, inputs: &[Input]) -> Table {
-    let meta = [("kind", json!(kind)), ("inputs", json!(inputs))];
+    let meta = [("kind", json_of(&kind)), ("inputs", json_of(&inputs))];
     Table { meta: meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(), columns }
 }
 
@@ -74,36 +75,87 @@ pub fn table(made: &Assembled, inputs: &[Input]) -> Table {
     table_of("brdf_coverage", columns, inputs)
 }
 
-/// Summary with its documented keys.
-pub fn summary(found: &Assembly) -> Value {
-    let mut json = of_material(&found.made, &found.samples.wavelength_nm, &found.inputs);
-    json["plan"] = found.plan.as_ref().map_or(Value::Null, |plan| {
-        json!({ "planned": plan.planned, "missing": plan.missing.len(), "unplanned": plan.unplanned })
-    });
-    json
+#[derive(Serialize)]
+struct CoverageJson {
+    planned: usize,
+    missing: usize,
+    unplanned: usize,
 }
 
-fn of_material(made: &Assembled, nm: &[f64], inputs: &[Input]) -> Value {
-    let coverage: Vec<Value> = made
+#[derive(Serialize)]
+struct SliceJson {
+    theta_i_deg: f64,
+    phi_i_deg: f64,
+    cells: usize,
+    extrapolated_cells: f64,
+    albedo: f64,
+    extrapolated_albedo: f64,
+    largest_albedo: f64,
+    albedo_doubt: f64,
+    lowered: f64,
+}
+
+#[derive(Serialize)]
+struct BaseJson {
+    wavelength_nm: f64,
+    specular: f64,
+    diffuse: f64,
+    rms_ln: f64,
+}
+
+#[derive(Serialize)]
+struct AssembledJson<'a> {
+    used: usize,
+    unused: usize,
+    coverage: Vec<SliceJson>,
+    base: Vec<BaseJson>,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+    plan: Option<CoverageJson>,
+}
+
+/// Summary with its documented keys.
+pub fn summary(found: &Assembly) -> Value {
+    let Assembly { made, samples, inputs, .. } = found;
+    let plan = found.plan.as_ref().map(|plan| CoverageJson {
+        planned: plan.planned,
+        missing: plan.missing.len(),
+        unplanned: plan.unplanned,
+    });
+    let coverage: Vec<_> = made
         .coverage
         .iter()
-        .map(|c| {
-            json!({
-                "theta_i_deg": rounded(c.theta_i_deg), "phi_i_deg": rounded(c.phi_i_deg), "cells": c.cells,
-                "extrapolated_cells": rounded(c.extrapolated_cells), "albedo": rounded(c.albedo),
-                "extrapolated_albedo": rounded(c.extrapolated_albedo), "largest_albedo": rounded(c.largest_albedo),
-                "albedo_doubt": rounded(c.albedo_doubt), "lowered": rounded(c.lowered),
-            })
+        .map(|c| SliceJson {
+            theta_i_deg: rounded(c.theta_i_deg),
+            phi_i_deg: rounded(c.phi_i_deg),
+            cells: c.cells,
+            extrapolated_cells: rounded(c.extrapolated_cells),
+            albedo: rounded(c.albedo),
+            extrapolated_albedo: rounded(c.extrapolated_albedo),
+            largest_albedo: rounded(c.largest_albedo),
+            albedo_doubt: rounded(c.albedo_doubt),
+            lowered: rounded(c.lowered),
         })
         .collect();
-    let base: Vec<Value> = nm
+    let base: Vec<_> = samples
+        .wavelength_nm
         .iter()
         .zip(&made.base)
-        .map(|(nm, b)| json!({ "wavelength_nm": nm, "specular": rounded(b.specular), "diffuse": rounded(b.diffuse), "rms_ln": rounded(b.rms) }))
+        .map(|(nm, b)| BaseJson {
+            wavelength_nm: *nm,
+            specular: rounded(b.specular),
+            diffuse: rounded(b.diffuse),
+            rms_ln: rounded(b.rms),
+        })
         .collect();
-    json!({
-        "used": made.used, "unused": made.left_out, "coverage": coverage, "base": base,
-        "warnings": made.warnings, "inputs": inputs,
+    json_of(&AssembledJson {
+        used: made.used,
+        unused: made.left_out,
+        coverage,
+        base,
+        warnings: &made.warnings,
+        inputs,
+        plan,
     })
 }
 

@@ -1,9 +1,12 @@
 //! Laws through measured values: text, summary, tables, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
+use sunglint_materials::fit::LeftOut;
+use sunglint_materials::fit::surface::Flaw;
 use sunglint_materials::fit::{Fit, LawFit, Rise, residual_table, to_table};
 use sunglint_materials::samples::{Samples, direction, turned};
 use sunglint_radiometry::light_curve::Input;
@@ -19,11 +22,11 @@ pub fn product(
     let notes = found.notes.iter().map(ToString::to_string);
     let warnings: Vec<String> = notes.chain(found.flaws.iter().map(ToString::to_string)).collect();
     let mut table = to_table(found);
-    table.meta.insert("inputs".into(), json!(inputs));
+    table.meta.insert("inputs".into(), json_of(&inputs));
     Product {
         name: "fit".into(),
         figure: Some(figure(found, best, measured, rise)),
-        json: summary(found, &warnings, &json!(inputs)),
+        json: summary(found, &warnings, inputs),
         table,
         others: vec![Product {
             name: "residuals".into(),
@@ -99,36 +102,93 @@ fn largest(law: &LawFit) -> (f64, f64) {
     law.albedo.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, f64::NAN))
 }
 
-fn summary(fit: &Fit, warnings: &[String], inputs: &Value) -> Value {
+#[derive(Serialize)]
+struct ParameterJson<'a> {
+    name: &'a str,
+    value: f64,
+    sigma_ln: Option<f64>,
+    interval: Option<[f64; 2]>,
+    at_bound: bool,
+}
+
+#[derive(Serialize)]
+struct LawJson<'a> {
+    law: String,
+    parameters: Vec<ParameterJson<'a>>,
+    rms_ln: f64,
+    width_ln: f64,
+    correlation: f64,
+    aicc: f64,
+    bic: f64,
+    weight: f64,
+    largest_albedo: LargestAlbedo,
+    energy_held: bool,
+    faithful: bool,
+    energy_to_deg: f64,
+    converged: bool,
+    above_zeros: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct LargestAlbedo {
+    albedo: f64,
+    theta_i_deg: f64,
+}
+
+#[derive(Serialize)]
+struct FitJson<'a> {
+    wavelength_nm: f64,
+    values: usize,
+    independent_values: f64,
+    left_out: &'a LeftOut,
+    flaws: &'a [Flaw],
+    laws: Vec<LawJson<'a>>,
+    no_criterion: Option<String>,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
+fn summary(fit: &Fit, warnings: &[String], inputs: &[Input]) -> Value {
     let law = |law: &LawFit| {
-        let parameters: Vec<Value> = law
+        let parameters: Vec<_> = law
             .parameters
             .iter()
-            .map(|p| {
-                json!({
-                    "name": p.name, "value": rounded(p.value), "sigma_ln": p.sigma_ln.map(rounded),
-                    "interval": p.interval.map(|(a, b)| [rounded(a), rounded(b)]), "at_bound": p.at_bound,
-                })
+            .map(|p| ParameterJson {
+                name: p.name,
+                value: rounded(p.value),
+                sigma_ln: p.sigma_ln.map(rounded),
+                interval: p.interval.map(|(a, b)| [rounded(a), rounded(b)]),
+                at_bound: p.at_bound,
             })
             .collect();
         let (theta_i_deg, most) = largest(law);
-        json!({
-            "law": law.law.name(), "parameters": parameters, "rms_ln": rounded(law.rms), "width_ln": rounded(law.width),
-            "correlation": rounded(law.correlation), "aicc": rounded(law.aicc), "bic": rounded(law.bic), "weight": rounded(law.weight),
-            "largest_albedo": { "albedo": rounded(most), "theta_i_deg": theta_i_deg }, "energy_held": law.energy_held,
-            "faithful": law.is_faithful, "energy_to_deg": law.energy_to_deg, "converged": law.converged, "above_zeros": law.above_zeros.map(rounded),
-        })
+        LawJson {
+            law: law.law.name(),
+            parameters,
+            rms_ln: rounded(law.rms),
+            width_ln: rounded(law.width),
+            correlation: rounded(law.correlation),
+            aicc: rounded(law.aicc),
+            bic: rounded(law.bic),
+            weight: rounded(law.weight),
+            largest_albedo: LargestAlbedo { albedo: rounded(most), theta_i_deg },
+            energy_held: law.energy_held,
+            faithful: law.is_faithful,
+            energy_to_deg: law.energy_to_deg,
+            converged: law.converged,
+            above_zeros: law.above_zeros.map(rounded),
+        }
     };
-    json!({
-        "wavelength_nm": fit.wavelength_nm,
-        "values": fit.used.len(),
-        "independent_values": rounded(fit.independent),
-        "left_out": fit.left_out,
-        "flaws": fit.flaws,
-        "laws": fit.laws.iter().map(law).collect::<Vec<_>>(),
-        "no_criterion": no_criterion(fit),
-        "warnings": warnings,
-        "inputs": inputs,
+    json_of(&FitJson {
+        wavelength_nm: fit.wavelength_nm,
+        values: fit.used.len(),
+        independent_values: rounded(fit.independent),
+        left_out: &fit.left_out,
+        flaws: &fit.flaws,
+        laws: fit.laws.iter().map(law).collect(),
+        no_criterion: no_criterion(fit),
+        warnings,
+        inputs,
     })
 }
 

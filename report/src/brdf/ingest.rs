@@ -1,8 +1,9 @@
 //! A spectrometer's files as BRDF values: text, summary, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
@@ -27,7 +28,7 @@ pub fn product(found: &IngestedFile) -> Result<Product, EncodeError> {
     let mut product = Product {
         name: "samples".into(),
         figure: Some(figure(done)),
-        json: summary(done, &json!(found.inputs)),
+        json: summary(done, &found.inputs),
         fits: Some(done.samples.to_fits()?),
         ..Product::default()
     };
@@ -35,6 +36,16 @@ pub fn product(found: &IngestedFile) -> Result<Product, EncodeError> {
         product.table = done.samples.to_table();
     }
     Ok(product)
+}
+
+#[derive(Serialize)]
+struct SamplesJson<'a> {
+    format: Option<Exchange>,
+    directions: usize,
+    incidences_deg: Vec<f64>,
+    wavelength_nm: &'a [f64],
+    without_value: Option<&'a Value>,
+    inputs: &'a [Input],
 }
 
 /// All forms of values that another program wrote.
@@ -48,13 +59,13 @@ pub fn table_product(
 ) -> Result<Product, EncodeError> {
     Ok(Product {
         name: "samples".into(),
-        json: json!({
-            "format": format,
-            "directions": samples.rows.len(),
-            "incidences_deg": incidences(samples),
-            "wavelength_nm": samples.wavelength_nm,
-            "without_value": samples.meta.get("without_value"),
-            "inputs": inputs,
+        json: json_of(&SamplesJson {
+            format,
+            directions: samples.rows.len(),
+            incidences_deg: incidences(samples),
+            wavelength_nm: &samples.wavelength_nm,
+            without_value: samples.meta.get("without_value"),
+            inputs,
         }),
         fits: Some(samples.to_fits()?),
         table: samples.to_table(),
@@ -143,30 +154,78 @@ pub fn text(found: &IngestedFile) -> String {
     text
 }
 
-fn summary(done: &Ingested, inputs: &Value) -> Value {
-    let seams: Vec<Value> = done
+#[derive(Serialize)]
+struct SeamJson<'a> {
+    direction: usize,
+    channel: &'a str,
+    scale: f64,
+    sigma: f64,
+    wavelengths: usize,
+}
+
+#[derive(Serialize)]
+struct PairJson {
+    directions: [usize; 2],
+    ratio: f64,
+    sigma: f64,
+}
+
+#[derive(Serialize)]
+struct RepeatJson<'a> {
+    directions: &'a [usize],
+    scatter: f64,
+    expected: f64,
+}
+
+#[derive(Serialize)]
+struct IngestedJson<'a> {
+    directions: usize,
+    wavelength_nm: &'a [f64],
+    seams: Vec<SeamJson<'a>>,
+    reciprocity: Vec<PairJson>,
+    repeats: Vec<RepeatJson<'a>>,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
+fn summary(done: &Ingested, inputs: &[Input]) -> Value {
+    let seams: Vec<_> = done
         .seams
         .iter()
-        .map(|s| json!({ "direction": s.direction, "channel": s.channel, "scale": rounded(s.scale), "sigma": rounded(s.sigma), "wavelengths": s.wavelengths }))
+        .map(|s| SeamJson {
+            direction: s.direction,
+            channel: &s.channel,
+            scale: rounded(s.scale),
+            sigma: rounded(s.sigma),
+            wavelengths: s.wavelengths,
+        })
         .collect();
-    let pairs: Vec<Value> = done
+    let pairs: Vec<_> = done
         .pairs
         .iter()
-        .map(|p| json!({ "directions": p.directions, "ratio": rounded(p.ratio), "sigma": rounded(p.sigma) }))
+        .map(|p| PairJson {
+            directions: p.directions,
+            ratio: rounded(p.ratio),
+            sigma: rounded(p.sigma),
+        })
         .collect();
-    let repeats: Vec<Value> = done
+    let repeats: Vec<_> = done
         .repeats
         .iter()
-        .map(|r| json!({ "directions": r.directions, "scatter": rounded(r.scatter), "expected": rounded(r.expected) }))
+        .map(|r| RepeatJson {
+            directions: &r.directions,
+            scatter: rounded(r.scatter),
+            expected: rounded(r.expected),
+        })
         .collect();
-    json!({
-        "directions": done.samples.rows.len(),
-        "wavelength_nm": done.samples.wavelength_nm,
-        "seams": seams,
-        "reciprocity": pairs,
-        "repeats": repeats,
-        "warnings": done.warnings,
-        "inputs": inputs,
+    json_of(&IngestedJson {
+        directions: done.samples.rows.len(),
+        wavelength_nm: &done.samples.wavelength_nm,
+        seams,
+        reciprocity: pairs,
+        repeats,
+        warnings: &done.warnings,
+        inputs,
     })
 }
 

@@ -1,12 +1,14 @@
 //! The density of microfacet normals: text, summary, figure.
 
 use crate::plot::{Axis, COLOURS, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
+use sunglint_materials::ndf::Convergence;
 use sunglint_materials::ndf::{
-    DiffuseOrigin, Ndf, NdfFlags, NdfOptions, Profile, ShapeFit, TailKind, ZeroOrigin, to_table,
+    DiffuseOrigin, Ndf, NdfFlags, NdfOptions, ShapeFit, TailKind, ZeroOrigin, to_table,
 };
 use sunglint_materials::table::RetroTable;
 use sunglint_radiometry::light_curve::Input;
@@ -21,15 +23,15 @@ pub fn product(
     options: &NdfOptions,
 ) -> Product {
     let mut table = to_table(ndf);
-    table.meta.insert("wavelength_nm".into(), json!(run.wavelength_nm));
-    table.meta.insert("cone_half_angle_deg".into(), json!(run.cone_half_angle_deg));
-    table.meta.insert("seed".into(), json!(options.seed));
-    table.meta.insert("median".into(), json!(options.median));
-    table.meta.insert("inputs".into(), json!(inputs));
+    table.meta.insert("wavelength_nm".into(), json_of(&run.wavelength_nm));
+    table.meta.insert("cone_half_angle_deg".into(), json_of(&run.cone_half_angle_deg));
+    table.meta.insert("seed".into(), json_of(&options.seed));
+    table.meta.insert("median".into(), json_of(&options.median));
+    table.meta.insert("inputs".into(), json_of(&inputs));
     Product {
         name: "ndf".into(),
         figure: Some(figure(ndf, run)),
-        json: summary(ndf, run, &json!(inputs), warnings, options.seed),
+        json: summary(ndf, run, inputs, warnings, options.seed),
         table,
         ..Product::default()
     }
@@ -118,37 +120,107 @@ fn tail_name(tail: TailKind) -> &'static str {
     }
 }
 
-fn summary(ndf: &Ndf, run: &RetroTable, inputs: &Value, warnings: &[String], seed: u64) -> Value {
-    let fit = |f: &ShapeFit| json!({ "alpha": rounded(f.alpha), "sigma": f.sigma.map(rounded), "f0": rounded(f.f0), "misfit": rounded(f.misfit) });
-    let profile = |p: &Profile| {
-        json!({
-            "azimuth_deg": rounded(p.azimuth_deg),
-            "zero": { "angle_deg": rounded(p.zero.angle_deg), "sigma_deg": rounded(p.zero.sigma_deg), "origin": p.zero.origin },
-            "measured_to_deg": rounded(p.measured_to_deg),
-            "step_deg": rounded(p.step_deg),
-            "tail": p.tail,
-            "fits": { "beckmann": fit(&p.beckmann), "ggx": fit(&p.ggx) },
-            "diffuse": { "reflectance": rounded(p.diffuse.reflectance()), "bound": rounded(std::f64::consts::PI * p.diffuse.bound_per_sr), "origin": p.diffuse.origin },
-        })
+#[derive(Serialize)]
+struct ShapeJson {
+    alpha: f64,
+    sigma: Option<f64>,
+    f0: f64,
+    misfit: f64,
+}
+
+#[derive(Serialize)]
+struct ProfileJson<'a> {
+    azimuth_deg: f64,
+    zero: ZeroJson<'a>,
+    measured_to_deg: f64,
+    step_deg: f64,
+    tail: &'a TailKind,
+    fits: FitsJson,
+    diffuse: DiffuseJson<'a>,
+}
+
+#[derive(Serialize)]
+struct ZeroJson<'a> {
+    angle_deg: f64,
+    sigma_deg: f64,
+    origin: &'a ZeroOrigin,
+}
+
+#[derive(Serialize)]
+struct FitsJson {
+    beckmann: ShapeJson,
+    ggx: ShapeJson,
+}
+
+#[derive(Serialize)]
+struct DiffuseJson<'a> {
+    reflectance: f64,
+    bound: f64,
+    origin: &'a DiffuseOrigin,
+}
+
+#[derive(Serialize)]
+struct NdfJson<'a> {
+    wavelength_nm: Option<f64>,
+    readings: usize,
+    f0: f64,
+    f0_sigma: Option<f64>,
+    f0_bound: f64,
+    d_normal_per_sr: f64,
+    convergence: &'a Convergence,
+    elevations: usize,
+    azimuths: usize,
+    extrapolated_nodes: usize,
+    profiles: Vec<ProfileJson<'a>>,
+    smallest_alpha: Option<f64>,
+    resamplings: usize,
+    seed: u64,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
+fn summary(ndf: &Ndf, run: &RetroTable, inputs: &[Input], warnings: &[String], seed: u64) -> Value {
+    let fit = |f: &ShapeFit| ShapeJson {
+        alpha: rounded(f.alpha),
+        sigma: f.sigma.map(rounded),
+        f0: rounded(f.f0),
+        misfit: rounded(f.misfit),
     };
+    let profiles = ndf.profiles.iter().map(|p| ProfileJson {
+        azimuth_deg: rounded(p.azimuth_deg),
+        zero: ZeroJson {
+            angle_deg: rounded(p.zero.angle_deg),
+            sigma_deg: rounded(p.zero.sigma_deg),
+            origin: &p.zero.origin,
+        },
+        measured_to_deg: rounded(p.measured_to_deg),
+        step_deg: rounded(p.step_deg),
+        tail: &p.tail,
+        fits: FitsJson { beckmann: fit(&p.beckmann), ggx: fit(&p.ggx) },
+        diffuse: DiffuseJson {
+            reflectance: rounded(p.diffuse.reflectance()),
+            bound: rounded(std::f64::consts::PI * p.diffuse.bound_per_sr),
+            origin: &p.diffuse.origin,
+        },
+    });
     let beyond = ndf.flags.iter().filter(|f| f.contains(NdfFlags::EXTRAPOLATED)).count();
-    json!({
-        "wavelength_nm": run.wavelength_nm,
-        "readings": run.readings.len(),
-        "f0": rounded(ndf.f0),
-        "f0_sigma": ndf.f0_sigma.map(rounded),
-        "f0_bound": rounded(ndf.f0_bound),
-        "d_normal_per_sr": rounded(ndf.density[0]),
-        "convergence": ndf.convergence,
-        "elevations": ndf.theta_rad.len(),
-        "azimuths": ndf.phi_rad.len(),
-        "extrapolated_nodes": beyond,
-        "profiles": ndf.profiles.iter().map(profile).collect::<Vec<_>>(),
-        "smallest_alpha": ndf.smallest_alpha.map(rounded),
-        "resamplings": ndf.resamplings,
-        "seed": seed,
-        "warnings": warnings,
-        "inputs": inputs,
+    json_of(&NdfJson {
+        wavelength_nm: run.wavelength_nm,
+        readings: run.readings.len(),
+        f0: rounded(ndf.f0),
+        f0_sigma: ndf.f0_sigma.map(rounded),
+        f0_bound: rounded(ndf.f0_bound),
+        d_normal_per_sr: rounded(ndf.density[0]),
+        convergence: &ndf.convergence,
+        elevations: ndf.theta_rad.len(),
+        azimuths: ndf.phi_rad.len(),
+        extrapolated_nodes: beyond,
+        profiles: profiles.collect(),
+        smallest_alpha: ndf.smallest_alpha.map(rounded),
+        resamplings: ndf.resamplings,
+        seed,
+        warnings,
+        inputs,
     })
 }
 

@@ -1,8 +1,8 @@
 //! Plan of the measurement of a sample: text, summary, table, hemispheres.
 
 use super::hemispheres;
-use crate::{Product, rounded};
-use serde_json::json;
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_materials::plan::{Plan, to_table};
 use sunglint_radiometry::light_curve::Input;
@@ -11,28 +11,53 @@ fn reachable(plan: &Plan) -> usize {
     plan.cells.iter().filter(|c| c.step.is_some()).count()
 }
 
+#[derive(Serialize)]
+struct PlanJson<'a> {
+    theta_i_deg: Vec<f64>,
+    phi_i_deg: Vec<f64>,
+    side: usize,
+    wide: f64,
+    cells: usize,
+    reachable_cells: usize,
+    steps: usize,
+    travel_deg: f64,
+    unordered_travel_deg: f64,
+    rig: Option<RigJson>,
+    inputs: &'a [Input],
+}
+
+#[derive(Serialize)]
+struct RigJson {
+    least_phase_deg: f64,
+    most_theta_i_deg: f64,
+    most_theta_o_deg: f64,
+    mark_deg: f64,
+}
+
 /// All forms of the result.
 pub fn product(made: &Plan, inputs: &[Input]) -> Product {
     let mut table = to_table(made);
-    table.meta.insert("inputs".into(), json!(inputs));
+    table.meta.insert("inputs".into(), json_of(&inputs));
     let reachable = reachable(made);
     let degrees =
         |values: &[f64]| values.iter().map(|v| rounded(v.to_degrees())).collect::<Vec<_>>();
-    let json = json!({
-        "theta_i_deg": degrees(&made.theta_i_rad),
-        "phi_i_deg": degrees(&made.phi_i_rad),
-        "side": made.options.side,
-        "wide": made.options.wide,
-        "cells": made.cells.len(),
-        "reachable_cells": reachable,
-        "steps": made.steps.len(),
-        "travel_deg": rounded(made.travel_deg),
-        "unordered_travel_deg": rounded(made.unordered_travel_deg),
-        "rig": made.options.rig.map(|rig| json!({
-            "least_phase_deg": rig.least_phase_deg, "most_theta_i_deg": rig.most_theta_i_deg,
-            "most_theta_o_deg": rig.most_theta_o_deg, "mark_deg": rig.mark_deg,
-        })),
-        "inputs": inputs,
+    let json = json_of(&PlanJson {
+        theta_i_deg: degrees(&made.theta_i_rad),
+        phi_i_deg: degrees(&made.phi_i_rad),
+        side: made.options.side,
+        wide: made.options.wide,
+        cells: made.cells.len(),
+        reachable_cells: reachable,
+        steps: made.steps.len(),
+        travel_deg: rounded(made.travel_deg),
+        unordered_travel_deg: rounded(made.unordered_travel_deg),
+        rig: made.options.rig.map(|rig| RigJson {
+            least_phase_deg: rig.least_phase_deg,
+            most_theta_i_deg: rig.most_theta_i_deg,
+            most_theta_o_deg: rig.most_theta_o_deg,
+            mark_deg: rig.mark_deg,
+        }),
+        inputs,
     });
     Product {
         name: "plan".into(),

@@ -1,12 +1,14 @@
 //! Retro-reflection against angle: figure, words, document.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_materials::ndf::ZeroOrigin;
+use sunglint_materials::retro::Scale;
 use sunglint_materials::retro::measure::{Line, Phase, State};
 use sunglint_materials::retro::plan::RunPlan;
 use sunglint_materials::retro::{Retro, Row, smallest_alpha, to_table};
@@ -48,10 +50,10 @@ pub fn product(
     folder: &Path,
 ) -> Product {
     let mut table = to_table(retro);
-    table.meta.insert("sample".into(), json!(plan.name));
+    table.meta.insert("sample".into(), json_of(&plan.name));
     table.meta.insert("devices".into(), devices.clone());
-    table.meta.insert("program".into(), json!(format!("sunglint {}", env!("CARGO_PKG_VERSION"))));
-    table.meta.insert("plan".into(), json!(plan.source));
+    table.meta.insert("program".into(), format!("sunglint {}", env!("CARGO_PKG_VERSION")).into());
+    table.meta.insert("plan".into(), json_of(&plan.source));
     Product {
         name: "retro".into(),
         figure: Some(figure(retro, &plan.name)),
@@ -149,6 +151,37 @@ pub fn text(retro: &Retro, left: usize) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct IncidentJson {
+    time_s: f64,
+    power_w: f64,
+    sigma_w: f64,
+}
+
+#[derive(Serialize)]
+struct RetroJson<'a> {
+    run: &'a str,
+    angles: usize,
+    angles_left: usize,
+    wavelength_nm: f64,
+    incident: Vec<IncidentJson>,
+    solid_angle_sr: f64,
+    cone_half_angle_deg: f64,
+    smallest_alpha: f64,
+    scale_sigma: f64,
+    scale_sigma_by: &'a Scale,
+    zero: ZeroJson,
+    flagged: BTreeMap<String, usize>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct ZeroJson {
+    angle_deg: f64,
+    sigma_deg: f64,
+    origin: ZeroOrigin,
+}
+
 /// The document.
 pub fn document(retro: &Retro, folder: &str, left: usize) -> Value {
     let mut flags: BTreeMap<String, usize> = BTreeMap::new();
@@ -157,22 +190,26 @@ pub fn document(retro: &Retro, folder: &str, left: usize) -> Value {
             *flags.entry(name.to_lowercase()).or_default() += 1;
         }
     }
-    let incident = |(time_s, power_w, sigma_w): &(f64, f64, f64)| json!({ "time_s": rounded(*time_s), "power_w": rounded(*power_w), "sigma_w": rounded(*sigma_w) });
+    let incident = |(time_s, power_w, sigma_w): &(f64, f64, f64)| IncidentJson {
+        time_s: rounded(*time_s),
+        power_w: rounded(*power_w),
+        sigma_w: rounded(*sigma_w),
+    };
     let warnings: Vec<String> = retro.notes.iter().map(ToString::to_string).collect();
     let (angle_deg, sigma_deg, origin) = retro.zero;
-    json!({
-        "run": folder,
-        "angles": retro.rows.len(),
-        "angles_left": left,
-        "wavelength_nm": retro.wavelength_nm,
-        "incident": retro.incident.iter().map(incident).collect::<Vec<_>>(),
-        "solid_angle_sr": rounded(retro.solid_angle_sr),
-        "cone_half_angle_deg": rounded(retro.cone_half_angle_deg),
-        "smallest_alpha": rounded(smallest_alpha(retro.cone_half_angle_deg)),
-        "scale_sigma": rounded(retro.scale.total()),
-        "scale_sigma_by": retro.scale,
-        "zero": { "angle_deg": rounded(angle_deg), "sigma_deg": rounded(sigma_deg), "origin": origin },
-        "flagged": flags,
-        "warnings": warnings,
+    json_of(&RetroJson {
+        run: folder,
+        angles: retro.rows.len(),
+        angles_left: left,
+        wavelength_nm: retro.wavelength_nm,
+        incident: retro.incident.iter().map(incident).collect(),
+        solid_angle_sr: rounded(retro.solid_angle_sr),
+        cone_half_angle_deg: rounded(retro.cone_half_angle_deg),
+        smallest_alpha: rounded(smallest_alpha(retro.cone_half_angle_deg)),
+        scale_sigma: rounded(retro.scale.total()),
+        scale_sigma_by: &retro.scale,
+        zero: ZeroJson { angle_deg: rounded(angle_deg), sigma_deg: rounded(sigma_deg), origin },
+        flagged: flags,
+        warnings,
     })
 }

@@ -1,14 +1,38 @@
 //! Properties of a material, and the difference of two: text, summary, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_materials::look::{Look, Ratios, Slice};
 use sunglint_materials::samples::direction;
 use sunglint_numerics::order::median;
 use sunglint_simulator::surface::Material;
+
+#[derive(Serialize)]
+struct AlbedoJson {
+    theta_i_deg: f64,
+    albedo: f64,
+    extrapolated: bool,
+}
+
+#[derive(Serialize)]
+struct ShownJson<'a> {
+    name: &'a str,
+    description: String,
+    wavelength_nm: f64,
+    albedo: Vec<AlbedoJson>,
+    reciprocity: ReciprocityJson<'a>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct ReciprocityJson<'a> {
+    median_ln: f64,
+    largest_ln: f64,
+    why: Option<&'a str>,
+}
 
 /// All forms of what a material does.
 pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Product {
@@ -41,17 +65,25 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
             ),
         ],
     };
-    let albedo_json: Vec<Value> = albedo
+    let albedo_json: Vec<_> = albedo
         .iter()
         .map(|(t, e)| {
             let extrapolated = is_extrapolated(material, *t, phi_i_deg);
-            json!({ "theta_i_deg": t, "albedo": rounded(*e), "extrapolated": extrapolated })
+            AlbedoJson { theta_i_deg: *t, albedo: rounded(*e), extrapolated }
         })
         .collect();
     let why = (!typical.is_finite()).then_some(NO_RECIPROCITY);
-    let summary = json!({
-        "name": material.name, "description": material.describe(), "wavelength_nm": nm, "albedo": albedo_json,
-        "reciprocity": { "median_ln": rounded(typical), "largest_ln": rounded(most), "why": why }, "warnings": look.warnings,
+    let summary = json_of(&ShownJson {
+        name: &material.name,
+        description: material.describe(),
+        wavelength_nm: nm,
+        albedo: albedo_json,
+        reciprocity: ReciprocityJson {
+            median_ln: rounded(typical),
+            largest_ln: rounded(most),
+            why,
+        },
+        warnings: &look.warnings,
     });
     let all = || slices.iter().flat_map(|(t, points)| points.iter().map(move |p| (*t, *p)));
     let mut columns = vec![
@@ -69,9 +101,9 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
         columns.push(column.described("half-width of the 95 % interval of ln f"));
     }
     let meta = [
-        ("kind", json!("brdf_slices")),
-        ("wavelength_nm", json!(nm)),
-        ("phi_i_deg", json!(phi_i_deg)),
+        ("kind", "brdf_slices".into()),
+        ("wavelength_nm", json_of(&nm)),
+        ("phi_i_deg", json_of(&phi_i_deg)),
     ];
     let meta = meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
     Product {
@@ -127,6 +159,23 @@ fn normalised(slices: &[Slice]) -> Vec<Series> {
     slices.iter().enumerate().map(line).collect()
 }
 
+#[derive(Serialize)]
+struct RatioJson {
+    theta_i_deg: f64,
+    median_ratio: f64,
+    farthest_ratio: f64,
+    theta_o_deg: f64,
+    phi_deg: f64,
+    albedo_ratio: f64,
+    directions: usize,
+}
+
+#[derive(Serialize)]
+struct RatiosJson {
+    wavelength_nm: f64,
+    ratios: Vec<RatioJson>,
+}
+
 /// All forms of how two materials differ, and the text; `names` are those that a person gave.
 pub fn compared(
     [a, b]: [&Material; 2],
@@ -147,10 +196,15 @@ pub fn compared(
             "incidence {:4}°: median {median:.4}, farthest {most:.4} at θₒ = {theta_o:.2}°, azimuth {phi}° from the light's; hemispherical {:.4}",
             row.theta_i, row.albedo
         );
-        found.push(json!({
-            "theta_i_deg": row.theta_i, "median_ratio": rounded(median), "farthest_ratio": rounded(most),
-            "theta_o_deg": rounded(theta_o), "phi_deg": phi, "albedo_ratio": rounded(row.albedo), "directions": row.all.len(),
-        }));
+        found.push(RatioJson {
+            theta_i_deg: row.theta_i,
+            median_ratio: rounded(median),
+            farthest_ratio: rounded(most),
+            theta_o_deg: rounded(theta_o),
+            phi_deg: phi,
+            albedo_ratio: rounded(row.albedo),
+            directions: row.all.len(),
+        });
     }
     let all = || rows.iter().flat_map(|r| r.all.iter().map(move |v| (r.theta_i, *v)));
     let columns = vec![
@@ -171,12 +225,12 @@ pub fn compared(
             rows.iter().enumerate().map(dots).collect(),
         )],
     };
-    let meta = [("kind", json!("brdf_ratios")), ("wavelength_nm", json!(nm))];
+    let meta = [("kind", "brdf_ratios".into()), ("wavelength_nm", json_of(&nm))];
     let product = Product {
         name: "compare".into(),
         table: Table { meta: meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(), columns },
         figure: Some(figure),
-        json: json!({ "wavelength_nm": nm, "ratios": found }),
+        json: json_of(&RatiosJson { wavelength_nm: nm, ratios: found }),
         ..Product::default()
     };
     (product, text)

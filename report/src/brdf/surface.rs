@@ -1,8 +1,8 @@
 //! A surface of several parts through measured values: text, tables, figure, JSON.
 
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_materials::fit::LeftOut;
@@ -29,15 +29,15 @@ pub fn product(
     shorten(&mut json);
     if let Value::Object(map) = &mut json {
         let warnings: Vec<String> = found.flaws.iter().map(ToString::to_string).collect();
-        map.insert("warnings".into(), json!(warnings));
-        map.insert("inputs".into(), json!(inputs));
+        map.insert("warnings".into(), json_of(&warnings));
+        map.insert("inputs".into(), json_of(&inputs));
     }
     let mut table = numbers(found);
-    table.meta.insert("kind".into(), json!("brdf_fit"));
-    table.meta.insert("wavelength_nm".into(), json!(found.wavelength_nm));
-    table.meta.insert("best".into(), json!(found.name));
-    table.meta.insert("left_out".into(), json!(found.left_out));
-    table.meta.insert("inputs".into(), json!(inputs));
+    table.meta.insert("kind".into(), "brdf_fit".into());
+    table.meta.insert("wavelength_nm".into(), json_of(&found.wavelength_nm));
+    table.meta.insert("best".into(), json_of(&found.name));
+    table.meta.insert("left_out".into(), json_of(&found.left_out));
+    table.meta.insert("inputs".into(), json_of(&inputs));
     Ok(Product {
         name: "fit".into(),
         figure: Some(figure(found, measured)),
@@ -60,7 +60,7 @@ fn shorten(value: &mut Value) {
     match value {
         Value::Number(n) if n.is_f64() => {
             if let Some(v) = n.as_f64() {
-                *value = json!(rounded(v));
+                *value = Value::from(rounded(v));
             }
         }
         Value::Array(all) => all.iter_mut().for_each(shorten),
@@ -118,7 +118,7 @@ fn incidences(fit: &SurfaceFit) -> Table {
         Column::f64("unseen_rms_ln", None, of(&|i| i.unseen.map_or(f64::NAN, |u| u.rms_ln))),
         Column::f64("unseen_inside", None, of(&|i| i.unseen.map_or(f64::NAN, |u| u.inside))),
     ];
-    let meta = [("kind".to_owned(), json!("brdf_incidences"))];
+    let meta = [("kind".to_owned(), "brdf_incidences".into())];
     Table { meta: meta.into_iter().collect(), columns }
 }
 
@@ -141,9 +141,9 @@ fn residuals(fit: &SurfaceFit, samples: &Samples) -> Table {
         Column::f64("residual_ln", None, fit.residual.clone()),
     ];
     let meta = [
-        ("kind".to_owned(), json!("brdf_residuals")),
-        ("wavelength_nm".to_owned(), json!(fit.wavelength_nm)),
-        ("law".to_owned(), json!(fit.name)),
+        ("kind".to_owned(), "brdf_residuals".into()),
+        ("wavelength_nm".to_owned(), json_of(&fit.wavelength_nm)),
+        ("law".to_owned(), json_of(&fit.name)),
     ];
     Table { meta: meta.into_iter().collect(), columns }
 }
@@ -158,10 +158,10 @@ pub fn colour(colour: &Coloured) -> Product {
             .described("the same of the diffuse part"),
     ];
     let meta = [
-        ("kind".to_owned(), json!("brdf_colour")),
-        ("division".to_owned(), json!(colour.division.to_string())),
-        ("specular_share".to_owned(), json!(rounded(colour.specular_share))),
-        ("most_apart_ln".to_owned(), json!(rounded(colour.most_apart_ln))),
+        ("kind".to_owned(), "brdf_colour".into()),
+        ("division".to_owned(), colour.division.to_string().into()),
+        ("specular_share".to_owned(), Value::from(rounded(colour.specular_share))),
+        ("most_apart_ln".to_owned(), Value::from(rounded(colour.most_apart_ln))),
     ];
     let table = Table { meta: meta.into_iter().collect(), columns };
     Product { name: "colour".into(), table, ..Product::default() }

@@ -4,8 +4,9 @@ mod figure;
 
 pub use figure::colours;
 
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_calibration::stars::{
     CalibratedNight, CalibratedNights, MeasuredVisit, Slope, Variation,
@@ -26,8 +27,85 @@ pub struct CalibrationReport<'a> {
     pub warnings: &'a [String],
 }
 
-fn slope_json(slope: Option<Slope>) -> Value {
-    slope.map_or(Value::Null, |s| json!({"value": rounded(s.value), "sigma": rounded(s.sigma)}))
+#[derive(Serialize)]
+struct SlopeJson {
+    value: f64,
+    sigma: f64,
+}
+
+fn slope_json(slope: Option<Slope>) -> Option<SlopeJson> {
+    slope.map(|s| SlopeJson { value: rounded(s.value), sigma: rounded(s.sigma) })
+}
+
+#[derive(Serialize)]
+struct VariationJson<'a> {
+    channel: &'a str,
+    nights: usize,
+    mean: f64,
+    coefficient_of_variation: f64,
+}
+
+#[derive(Serialize)]
+struct NightsJson<'a> {
+    station: &'a str,
+    air: &'a str,
+    zero_point: &'a str,
+    confidence: f64,
+    nights: Vec<NightJson<'a>>,
+    variation: Vec<VariationJson<'a>>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    channel: &'a str,
+    kappa: f64,
+    relative_sigma: f64,
+    interval: [f64; 2],
+    stars: usize,
+    visits: usize,
+    rms: f64,
+    per_airmass: Option<SlopeJson>,
+    per_colour: Option<SlopeJson>,
+}
+
+#[derive(Serialize)]
+struct RatioJson<'a> {
+    channel: &'a str,
+    reference: &'a str,
+    visits: usize,
+    exponent: Option<SlopeJson>,
+    by_brightness: Option<SlopeJson>,
+}
+
+#[derive(Serialize)]
+struct VisitJson<'a> {
+    time_utc: String,
+    star: &'a str,
+    spectrum: String,
+    agrees: bool,
+    decides: bool,
+    airmass: f64,
+    offset: f64,
+    offset_sigma: f64,
+}
+
+#[derive(Serialize)]
+struct NightJson<'a> {
+    night: &'a str,
+    stars: usize,
+    agreeing_stars: usize,
+    airmass_range: [f64; 3],
+    b_minus_v_range_mag: Option<[f64; 3]>,
+    common_scatter: f64,
+    judged_about_a_slope: bool,
+    interval_by: &'a str,
+    aerosol_depth: Option<[f64; 2]>,
+    channels: Vec<ChannelJson<'a>>,
+    without_kappa: &'a [[String; 2]],
+    covariance_ln_kappa: &'a [Vec<f64>],
+    ratios: Vec<RatioJson<'a>>,
+    visits: Vec<VisitJson<'a>>,
 }
 
 impl CalibrationReport<'_> {
@@ -217,67 +295,87 @@ impl CalibrationReport<'_> {
     }
 
     fn json(&self) -> Value {
-        let nights: Vec<Value> = self.found.nights.iter().map(|n| self.night_json(n)).collect();
-        let variation = |(name, v): (&str, Variation)| json!({"channel": name, "nights": v.nights, "mean": rounded(v.mean), "coefficient_of_variation": rounded(v.coefficient)});
-        json!({
-            "station": self.found.file.station,
-            "air": self.found.file.air,
-            "zero_point": self.found.file.zero_point,
-            "confidence": self.found.file.confidence,
-            "nights": nights,
-            "variation": self.variations().map(variation).collect::<Vec<_>>(),
-            "warnings": self.warnings,
+        let nights: Vec<_> = self.found.nights.iter().map(|n| self.night_json(n)).collect();
+        let variation = self.variations().map(|(name, v)| VariationJson {
+            channel: name,
+            nights: v.nights,
+            mean: rounded(v.mean),
+            coefficient_of_variation: rounded(v.coefficient),
+        });
+        json_of(&NightsJson {
+            station: &self.found.file.station,
+            air: &self.found.file.air,
+            zero_point: &self.found.file.zero_point,
+            confidence: self.found.file.confidence,
+            nights,
+            variation: variation.collect(),
+            warnings: self.warnings,
         })
     }
 
-    fn night_json(&self, night: &CalibratedNight) -> Value {
-        let channels: Vec<Value> = night
+    fn night_json<'a>(&'a self, night: &'a CalibratedNight) -> NightJson<'a> {
+        let channels: Vec<_> = night
             .file
             .channels
             .iter()
-            .map(|c| {
-                json!({
-                    "channel": c.channel, "kappa": rounded(c.kappa), "relative_sigma": rounded(c.relative_sigma),
-                    "interval": [rounded(c.interval.0), rounded(c.interval.1)], "stars": c.stars, "visits": c.visits,
-                    "rms": rounded(c.rms), "per_airmass": slope_json(c.per_airmass), "per_colour": slope_json(c.per_colour),
-                })
+            .map(|c| ChannelJson {
+                channel: &c.channel,
+                kappa: rounded(c.kappa),
+                relative_sigma: rounded(c.relative_sigma),
+                interval: [rounded(c.interval.0), rounded(c.interval.1)],
+                stars: c.stars,
+                visits: c.visits,
+                rms: rounded(c.rms),
+                per_airmass: slope_json(c.per_airmass),
+                per_colour: slope_json(c.per_colour),
             })
             .collect();
         let name = |c: usize| &self.station.channels[c].name;
-        let ratios: Vec<Value> = night
+        let ratios: Vec<_> = night
             .found
             .ratios
             .iter()
-            .map(|r| {
-                json!({
-                    "channel": name(r.channel), "reference": name(r.reference), "visits": r.visits,
-                    "exponent": slope_json(r.exponent), "by_brightness": slope_json(r.by_brightness),
-                })
+            .map(|r| RatioJson {
+                channel: name(r.channel),
+                reference: name(r.reference),
+                visits: r.visits,
+                exponent: slope_json(r.exponent),
+                by_brightness: slope_json(r.by_brightness),
             })
             .collect();
-        let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
-        let visits: Vec<Value> = night
+        let visits: Vec<_> = night
             .found
             .visits
             .iter()
             .zip(&night.visits)
-            .map(|(judged, v)| {
-                json!({
-                    "time_utc": format_utc_shortest(v.middle), "star": v.star, "spectrum": v.light.origin.to_string(),
-                    "agrees": judged.agrees, "decides": judged.decides, "airmass": rounded(v.airmass),
-                    "offset": number(judged.offset), "offset_sigma": number(judged.sigma),
-                })
+            .map(|(judged, v)| VisitJson {
+                time_utc: format_utc_shortest(v.middle),
+                star: &v.star,
+                spectrum: v.light.origin.to_string(),
+                agrees: judged.agrees,
+                decides: judged.decides,
+                airmass: rounded(v.airmass),
+                offset: rounded(judged.offset),
+                offset_sigma: rounded(judged.sigma),
             })
             .collect();
         let facts = &night.file.facts;
-        json!({
-            "night": night.file.night, "stars": facts.stars, "agreeing_stars": facts.agreeing_stars,
-            "airmass_range": night.found.airmass.map(rounded), "b_minus_v_range_mag": night.found.b_minus_v_mag.map(|r| r.map(rounded)),
-            "common_scatter": rounded(night.found.common_scatter), "judged_about_a_slope": night.found.sloped,
-            "interval_by": night.found.method, "aerosol_depth": facts.aerosol_depth.map(Measured::to_array),
-            "channels": channels, "without_kappa": facts.without_kappa, "covariance_ln_kappa": night.file.covariance,
-            "ratios": ratios, "visits": visits,
-        })
+        NightJson {
+            night: &night.file.night,
+            stars: facts.stars,
+            agreeing_stars: facts.agreeing_stars,
+            airmass_range: night.found.airmass.map(rounded),
+            b_minus_v_range_mag: night.found.b_minus_v_mag.map(|r| r.map(rounded)),
+            common_scatter: rounded(night.found.common_scatter),
+            judged_about_a_slope: night.found.sloped,
+            interval_by: night.found.method,
+            aerosol_depth: facts.aerosol_depth.map(Measured::to_array),
+            channels,
+            without_kappa: &facts.without_kappa,
+            covariance_ln_kappa: &night.file.covariance,
+            ratios,
+            visits,
+        }
     }
 }
 

@@ -4,8 +4,10 @@ mod figure;
 mod page;
 
 use crate::explain;
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Map;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_calibration::comparison::{Axis, Bin, Numbers, Ratio};
 use sunglint_formats::flag_bits::bit_names;
@@ -232,12 +234,12 @@ fn say_ratios(compared: &Comparison<'_>, text: &mut String) {
 pub fn table(compared: &Comparison<'_>) -> Table {
     let mut table = Table::default();
     let mut meta = |key: &str, value: Value| table.meta.insert(key.into(), value);
-    meta("title", json!(compared.title()));
+    meta("title", compared.title().into());
     meta("flag_bits", bit_names::<Flags>());
     let mut provenance = compared.simulation.provenance(COMMAND);
     provenance.inputs = inputs(compared);
     meta("provenance", provenance.to_json());
-    meta("channels", json_channels(compared));
+    meta("channels", json_of(&json_channels(compared)));
     let times = compared.measured.times.iter().map(|t| format_utc_shortest(*t)).collect();
     table.columns.push(Column::text("time_utc", times));
     let mut number = |name: String, unit: Option<&str>, what: &str, values: Vec<f64>| {
@@ -319,8 +321,57 @@ pub fn table(compared: &Comparison<'_>) -> Table {
     table
 }
 
-fn json_channels(compared: &Comparison<'_>) -> Value {
+fn json_channels<'a>(compared: &'a Comparison<'_>) -> Vec<ChannelJson<'a>> {
     compared.pairs.iter().map(json_channel).collect()
+}
+
+#[derive(Serialize)]
+struct ComparisonJson<'a> {
+    measured: String,
+    quantity: &'a str,
+    pass: &'a str,
+    target: TargetJson<'a>,
+    station: StationJson<'a>,
+    night: Option<&'a String>,
+    from_utc: String,
+    to_utc: String,
+    samples: usize,
+    used: usize,
+    channels: Vec<ChannelJson<'a>>,
+    ratios: Vec<RatioJson<'a>>,
+    exposures: ExposuresJson,
+    tolerance: f64,
+    doubtful_materials: Option<Vec<&'a String>>,
+    needs: Value,
+    not_modelled: Vec<String>,
+    cost: CostJson,
+    inputs: Vec<Input>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct TargetJson<'a> {
+    name: &'a str,
+    simulated_as: &'a str,
+}
+
+#[derive(Serialize)]
+struct StationJson<'a> {
+    name: &'a str,
+}
+
+#[derive(Serialize)]
+struct ExposuresJson {
+    cut: usize,
+    coarse: usize,
+    largest_change: f64,
+    moments: usize,
+}
+
+#[derive(Serialize)]
+struct CostJson {
+    total_s: f64,
+    threads: usize,
 }
 
 /// The comparison with documented keys.
@@ -330,73 +381,188 @@ pub fn json(compared: &Comparison<'_>) -> Value {
     let (first, last) = (times[compared.rows[0]], times[compared.rows[compared.rows.len() - 1]]);
     let (used, all) = compared.numbers();
     let inputs = inputs(compared);
-    json!({
-        "measured": compared.measured.path.display().to_string(),
-        "quantity": match compared.measured.quantity {
+    json_of(&ComparisonJson {
+        measured: compared.measured.path.display().to_string(),
+        quantity: match compared.measured.quantity {
             Quantity::Rate => "calibrated",
             Quantity::Flux(kind) => kind.name(),
         },
-        "pass": pass.name,
-        "target": { "name": compared.measured.target, "simulated_as": pass.target.name },
-        "station": { "name": pass.station.name },
-        "night": compared.measured.kappa.as_ref().map(|k| &k.night),
-        "from_utc": format_utc(first, 3), "to_utc": format_utc(last, 3),
-        "samples": all, "used": used,
-        "channels": json_channels(compared),
-        "ratios": compared.ratios.iter().map(json_ratio).collect::<Vec<_>>(),
-        "exposures": { "cut": compared.means.pieces.iter().filter(|p| **p > 1).count(), "coarse": compared.means.coarse,
-            "largest_change": rounded(compared.means.largest_change), "moments": compared.means.moments },
-        "tolerance": pass.tolerance,
-        "doubtful_materials": compared.material.as_ref().map(|d| d.each.iter().map(|m| &m.material).collect::<Vec<_>>()),
-        "needs": explain::json(&compared.simulation.needs),
-        "not_modelled": not_modelled(compared),
-        "cost": { "total_s": rounded(compared.effort.middles.total_s + compared.effort.means.total_s),
-            "threads": compared.effort.middles.threads },
-        "inputs": inputs.iter().map(|i| json!({ "file": i.file, "sha256": i.sha256 })).collect::<Vec<_>>(),
-        "warnings": compared.warnings,
+        pass: &pass.name,
+        target: TargetJson { name: &compared.measured.target, simulated_as: &pass.target.name },
+        station: StationJson { name: &pass.station.name },
+        night: compared.measured.kappa.as_ref().map(|k| &k.night),
+        from_utc: format_utc(first, 3),
+        to_utc: format_utc(last, 3),
+        samples: all,
+        used,
+        channels: json_channels(compared),
+        ratios: compared.ratios.iter().map(json_ratio).collect(),
+        exposures: ExposuresJson {
+            cut: compared.means.pieces.iter().filter(|p| **p > 1).count(),
+            coarse: compared.means.coarse,
+            largest_change: rounded(compared.means.largest_change),
+            moments: compared.means.moments,
+        },
+        tolerance: pass.tolerance,
+        doubtful_materials: compared
+            .material
+            .as_ref()
+            .map(|d| d.each.iter().map(|m| &m.material).collect::<Vec<_>>()),
+        needs: explain::json(&compared.simulation.needs),
+        not_modelled: not_modelled(compared),
+        cost: CostJson {
+            total_s: rounded(compared.effort.middles.total_s + compared.effort.means.total_s),
+            threads: compared.effort.middles.threads,
+        },
+        inputs,
+        warnings: &compared.warnings,
     })
 }
 
-fn json_channel(pair: &ComparedChannel) -> Value {
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    samples: usize,
+    used: usize,
+    left_out: Map<String, Value>,
+    numbers: Option<NumbersJson>,
+    by_phase: Option<Vec<BinJson>>,
+    by_airmass: Option<Vec<BinJson>>,
+}
+
+fn json_channel(pair: &ComparedChannel) -> ChannelJson<'_> {
     let channel = &pair.channel;
     let left_out = &channel.left_out;
-    let reasons: serde_json::Map<String, Value> =
-        left_out.reasons.iter().map(|(reason, n)| (reason.name(), json!(n))).collect();
+    let reasons: serde_json::Map<_, _> =
+        left_out.reasons.iter().map(|(reason, n)| (reason.name(), Value::from(*n))).collect();
     let bins = |axis: Axis| {
         let own = pair.bins.iter().find(|(a, _)| *a == axis);
         own.map(|(_, bins)| bins.iter().map(json_bin).collect::<Vec<_>>())
     };
-    json!({
-        "name": channel.name, "samples": channel.samples, "used": channel.samples - left_out.samples,
-        "left_out": reasons, "numbers": channel.numbers.as_ref().map(json_numbers),
-        "by_phase": bins(Axis::Phase), "by_airmass": bins(Axis::Airmass),
-    })
+    ChannelJson {
+        name: &channel.name,
+        samples: channel.samples,
+        used: channel.samples - left_out.samples,
+        left_out: reasons,
+        numbers: channel.numbers.as_ref().map(json_numbers),
+        by_phase: bins(Axis::Phase),
+        by_airmass: bins(Axis::Airmass),
+    }
 }
 
-fn json_numbers(n: &Numbers) -> Value {
+#[derive(Serialize)]
+struct NumbersJson {
+    scale: f64,
+    scale_sigma: Option<f64>,
+    scale_sigma_blocks: Option<f64>,
+    kappa_sigma: Option<f64>,
+    scale_interval: Option<[f64; 2]>,
+    median: Option<f64>,
+    scatter: Option<f64>,
+    rms: Option<f64>,
+    noise: Option<f64>,
+    twinkling: Option<f64>,
+    stated_error: StatedError,
+    material: Option<MaterialJson>,
+    mean_mag: Option<f64>,
+    rms_mag: Option<f64>,
+    scatter_mag: Option<f64>,
+    chi2: Option<Chi2Json>,
+}
+
+#[derive(Serialize)]
+struct StatedError {
+    median_relative: Option<f64>,
+    largest_relative: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct MaterialJson {
+    median_relative: Option<f64>,
+    largest_relative: Option<f64>,
+    of_scale: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Chi2Json {
+    data: f64,
+    with_twinkling: Option<f64>,
+    past_stated: f64,
+    past_materials: Option<f64>,
+    unscaled: f64,
+}
+
+fn json_numbers(n: &Numbers) -> NumbersJson {
     let number = |v: Option<f64>| v.filter(|v| v.is_finite()).map(rounded);
-    json!({
-        "scale": rounded(n.scale), "scale_sigma": number(n.scale_sigma), "scale_sigma_blocks": number(n.scale_sigma_blocks),
-        "kappa_sigma": number(n.common_sigma), "scale_interval": n.scale_interval().map(|(a, b)| [rounded(a), rounded(b)]),
-        "median": number(Some(n.median)), "scatter": number(Some(n.scatter)), "rms": number(Some(n.rms)),
-        "noise": number(n.noise), "twinkling": number(n.twinkling),
-        "stated_error": { "median_relative": number(Some(n.stated.0)), "largest_relative": number(Some(n.stated.1)) },
-        "material": n.material.map(|m| json!({ "median_relative": number(Some(m.median)),
-            "largest_relative": number(Some(m.largest)), "of_scale": number(Some(m.of_scale)) })),
-        "mean_mag": n.magnitudes.map(|m| rounded(m[0])), "rms_mag": n.magnitudes.map(|m| rounded(m[1])),
-        "scatter_mag": n.magnitudes.map(|m| rounded(m[2])),
-        "chi2": n.chi2.map(|c| json!({ "data": rounded(c.data), "with_twinkling": number(c.with_twinkling),
-            "past_stated": rounded(c.past_stated), "past_materials": number(c.past_materials), "unscaled": rounded(c.unscaled) })),
-    })
+    NumbersJson {
+        scale: rounded(n.scale),
+        scale_sigma: number(n.scale_sigma),
+        scale_sigma_blocks: number(n.scale_sigma_blocks),
+        kappa_sigma: number(n.common_sigma),
+        scale_interval: n.scale_interval().map(|(a, b)| [rounded(a), rounded(b)]),
+        median: number(Some(n.median)),
+        scatter: number(Some(n.scatter)),
+        rms: number(Some(n.rms)),
+        noise: number(n.noise),
+        twinkling: number(n.twinkling),
+        stated_error: StatedError {
+            median_relative: number(Some(n.stated.0)),
+            largest_relative: number(Some(n.stated.1)),
+        },
+        material: n.material.map(|m| MaterialJson {
+            median_relative: number(Some(m.median)),
+            largest_relative: number(Some(m.largest)),
+            of_scale: number(Some(m.of_scale)),
+        }),
+        mean_mag: n.magnitudes.map(|m| rounded(m[0])),
+        rms_mag: n.magnitudes.map(|m| rounded(m[1])),
+        scatter_mag: n.magnitudes.map(|m| rounded(m[2])),
+        chi2: n.chi2.map(|c| Chi2Json {
+            data: rounded(c.data),
+            with_twinkling: number(c.with_twinkling),
+            past_stated: rounded(c.past_stated),
+            past_materials: number(c.past_materials),
+            unscaled: rounded(c.unscaled),
+        }),
+    }
 }
 
-fn json_bin(bin: &Bin) -> Value {
-    json!({ "from": rounded(bin.from), "to": rounded(bin.to), "samples": bin.samples,
-        "ratio": rounded(bin.ratio), "sigma": bin.sigma.map(rounded) })
+#[derive(Serialize)]
+struct BinJson {
+    from: f64,
+    to: f64,
+    samples: usize,
+    ratio: f64,
+    sigma: Option<f64>,
 }
 
-fn json_ratio(ratio: &Ratio) -> Value {
-    json!({ "channel": ratio.channel, "reference": ratio.reference, "scale": rounded(ratio.scale),
-        "scale_sigma": ratio.sigma.map(rounded), "scale_sigma_blocks": ratio.sigma_blocks.map(rounded),
-        "kappa_sigma": ratio.common_sigma.map(rounded) })
+fn json_bin(bin: &Bin) -> BinJson {
+    BinJson {
+        from: rounded(bin.from),
+        to: rounded(bin.to),
+        samples: bin.samples,
+        ratio: rounded(bin.ratio),
+        sigma: bin.sigma.map(rounded),
+    }
+}
+
+#[derive(Serialize)]
+struct RatioJson<'a> {
+    channel: &'a str,
+    reference: &'a str,
+    scale: f64,
+    scale_sigma: Option<f64>,
+    scale_sigma_blocks: Option<f64>,
+    kappa_sigma: Option<f64>,
+}
+
+fn json_ratio(ratio: &Ratio) -> RatioJson<'_> {
+    RatioJson {
+        channel: &ratio.channel,
+        reference: &ratio.reference,
+        scale: rounded(ratio.scale),
+        scale_sigma: ratio.sigma.map(rounded),
+        scale_sigma_blocks: ratio.sigma_blocks.map(rounded),
+        kappa_sigma: ratio.common_sigma.map(rounded),
+    }
 }

@@ -1,8 +1,8 @@
 //! Lists of devices that are plugged in, and of drivers.
 
-use crate::Product;
+use crate::{Product, json_of};
 use hifitime::Epoch;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_drivers::catalogue::{
     Access, Bus, DRIVERS, Driver, Inventory, OptionKind, OptionSpec, Plugged, ServerAsked, udev,
@@ -21,16 +21,26 @@ pub fn inventory_text(inventory: &Inventory) -> String {
     text(inventory, hint.as_deref())
 }
 
+#[derive(Serialize)]
+struct InventoryJson<'a> {
+    time_utc: String,
+    plugged: Vec<PluggedJson<'a>>,
+    indi: Vec<ServerJson<'a>>,
+    alpaca: Vec<ServerJson<'a>>,
+    trouble: &'a [String],
+    hint: Option<String>,
+}
+
 /// Returns what is there as a table of what is plugged in, and as JSON; `time` is when it was asked.
 pub fn inventory(inventory: &Inventory, time: Epoch) -> Product {
     let found = &inventory.plugged;
-    let json = json!({
-        "time_utc": format_utc(time, 3),
-        "plugged": found.iter().map(plugged_json).collect::<Value>(),
-        "indi": inventory.servers.iter().map(server_json).collect::<Value>(),
-        "alpaca": inventory.alpaca.iter().map(server_json).collect::<Value>(),
-        "trouble": inventory.faults,
-        "hint": hint_of(found),
+    let json = json_of(&InventoryJson {
+        time_utc: format_utc(time, 3),
+        plugged: found.iter().map(plugged_json).collect(),
+        indi: inventory.servers.iter().map(server_json).collect(),
+        alpaca: inventory.alpaca.iter().map(server_json).collect(),
+        trouble: &inventory.faults,
+        hint: hint_of(found),
     });
     Product { name: "devices".into(), table: table(found), json, ..Product::default() }
 }
@@ -109,24 +119,56 @@ fn text(inventory: &Inventory, hint: Option<&str>) -> String {
     text
 }
 
-fn plugged_json(one: &Plugged) -> Value {
-    json!({
-        "bus": one.bus.to_string(),
-        "path": one.path,
-        "usb_id": one.ids.map(|_| id(one)),
-        "name": one.name,
-        "serial": one.serial,
-        "driver": one.driver().map(|driver| driver.name),
-        "address": one.address(),
-        "access": access(one.access),
-    })
+#[derive(Serialize)]
+struct PluggedJson<'a> {
+    bus: String,
+    path: &'a str,
+    usb_id: Option<String>,
+    name: Option<&'a str>,
+    serial: Option<&'a str>,
+    driver: Option<&'a str>,
+    address: Option<String>,
+    access: &'a str,
 }
 
-fn server_json(ServerAsked { host, devices: listed }: &ServerAsked) -> Value {
-    let devices = listed.iter().flatten().map(|device| {
-        json!({ "name": device.name, "driver": device.driver, "addresses": device.addresses })
+fn plugged_json(one: &Plugged) -> PluggedJson<'_> {
+    PluggedJson {
+        bus: one.bus.to_string(),
+        path: &one.path,
+        usb_id: one.ids.map(|_| id(one)),
+        name: one.name.as_deref(),
+        serial: one.serial.as_deref(),
+        driver: one.driver().map(|driver| driver.name),
+        address: one.address(),
+        access: access(one.access),
+    }
+}
+
+#[derive(Serialize)]
+struct ListedJson<'a> {
+    name: &'a str,
+    driver: Option<&'a str>,
+    addresses: &'a [String],
+}
+
+#[derive(Serialize)]
+struct ServerJson<'a> {
+    server: &'a str,
+    devices: Vec<ListedJson<'a>>,
+    error: Option<String>,
+}
+
+fn server_json(ServerAsked { host, devices: listed }: &ServerAsked) -> ServerJson<'_> {
+    let devices = listed.iter().flatten().map(|device| ListedJson {
+        name: &device.name,
+        driver: device.driver.as_deref(),
+        addresses: &device.addresses,
     });
-    json!({ "server": host, "devices": devices.collect::<Value>(), "error": listed.as_ref().err().map(ToString::to_string) })
+    ServerJson {
+        server: host,
+        devices: devices.collect(),
+        error: listed.as_ref().err().map(ToString::to_string),
+    }
 }
 
 fn table(found: &[Plugged]) -> Table {
@@ -176,6 +218,32 @@ pub fn drivers_text() -> String {
     text
 }
 
+#[derive(Serialize)]
+struct OptionJson<'a> {
+    name: &'a str,
+    takes: String,
+    default: &'a str,
+    about: &'a str,
+}
+
+#[derive(Serialize)]
+struct DriverJson<'a> {
+    driver: &'a str,
+    kind: String,
+    vendor: &'a str,
+    title: &'a str,
+    form: String,
+    example: &'a str,
+    simulated: bool,
+    tried: &'a str,
+    options: Vec<OptionJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct DriversJson<'a> {
+    drivers: Vec<DriverJson<'a>>,
+}
+
 /// Returns every driver as a table and as JSON.
 pub fn drivers() -> Product {
     let column =
@@ -188,22 +256,25 @@ pub fn drivers() -> Product {
         column("tried", |driver| driver.tried.to_owned()),
     ];
     let json = DRIVERS.into_iter().map(|driver| {
-        let options = driver.options.iter().map(|spec| {
-            json!({ "name": spec.name, "takes": takes(spec), "default": spec.default, "about": spec.about })
+        let options = driver.options.iter().map(|spec| OptionJson {
+            name: spec.name,
+            takes: takes(spec),
+            default: spec.default,
+            about: spec.about,
         });
-        json!({
-            "driver": driver.name,
-            "kind": driver.kind.to_string(),
-            "vendor": driver.vendor,
-            "title": driver.title,
-            "form": driver.form(),
-            "example": driver.place.example,
-            "simulated": driver.simulated,
-            "tried": driver.tried,
-            "options": options.collect::<Value>(),
-        })
+        DriverJson {
+            driver: driver.name,
+            kind: driver.kind.to_string(),
+            vendor: driver.vendor,
+            title: driver.title,
+            form: driver.form(),
+            example: driver.place.example,
+            simulated: driver.simulated,
+            tried: driver.tried,
+            options: options.collect(),
+        }
     });
-    let json = json!({ "drivers": json.collect::<Value>() });
+    let json = json_of(&DriversJson { drivers: json.collect() });
     let table = Table { columns, ..Table::default() };
     Product { name: "drivers".into(), table, json, ..Product::default() }
 }

@@ -1,9 +1,10 @@
 //! Readings of a device, as text, tables, FITS and JSON.
 
-use super::{document, title};
-use crate::Product;
+use super::{AboutJson, about, title};
+use crate::{Product, json_of};
 use hifitime::Epoch;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fmt::Write as _;
 use sunglint_drivers::device::{Level, MountPlace, Power, Spectrum};
 use sunglint_drivers::session::{Reading, Readings};
@@ -29,18 +30,28 @@ pub fn readings_text(done: &Readings) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct ReadingsJson<'a> {
+    #[serde(flatten)]
+    about: AboutJson<'a>,
+    readings: Vec<ReadingJson<'a>>,
+    complete: bool,
+    error: Option<&'a str>,
+}
+
 /// Returns readings as a table and as JSON, and frames as FITS; `error` says why they are not all.
 ///
 /// # Errors
 /// Counts or a frame that cannot be written.
 pub fn readings(done: &Readings, error: Option<&str>) -> Result<Product, EncodeError> {
-    let mut json = document(&done.address, Some(&done.identity));
-    json.insert("readings".into(), done.readings.iter().map(reading_json).collect());
-    json.insert("complete".into(), json!(error.is_none()));
-    json.insert("error".into(), json!(error));
     let mut product = product(&done.readings)?;
-    product.table.meta.insert("device".into(), json!(title(&done.address, &done.identity)));
-    product.json = Value::Object(json);
+    product.table.meta.insert("device".into(), title(&done.address, &done.identity).into());
+    product.json = json_of(&ReadingsJson {
+        about: about(&done.address, Some(&done.identity)),
+        readings: done.readings.iter().map(reading_json).collect(),
+        complete: error.is_none(),
+        error,
+    });
     Ok(product)
 }
 
@@ -139,64 +150,132 @@ fn spectra_table<'a>(spectra: impl Iterator<Item = &'a Spectrum>) -> Table {
     Table { columns, ..Table::default() }
 }
 
-fn reading_json(reading: &Reading) -> Value {
+/// A reading's keys.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum ReadingJson<'a> {
+    Power {
+        time_utc: String,
+        power_w: Option<f64>,
+        over: bool,
+    },
+    Angle {
+        time_utc: String,
+        angle_deg: f64,
+    },
+    Slot {
+        time_utc: String,
+        slot: u32,
+    },
+    Steps {
+        time_utc: String,
+        position_steps: i64,
+        temperature_c: Option<f64>,
+    },
+    Equatorial {
+        time_utc: String,
+        ra_deg: f64,
+        dec_deg: f64,
+    },
+    Horizontal {
+        time_utc: String,
+        azimuth_deg: f64,
+        altitude_deg: f64,
+    },
+    Level {
+        time_utc: String,
+        level: Option<f64>,
+        unit: &'a str,
+        over: bool,
+    },
+    Wavelength {
+        time_utc: String,
+        wavelength_nm: f64,
+    },
+    Spectrum {
+        time_utc: String,
+        exposure_s: f64,
+        wavelength_nm: &'a [f64],
+        counts: &'a [f64],
+        over: bool,
+    },
+    Frame {
+        time_utc: String,
+        exposure_s: f64,
+        columns_px: usize,
+        rows_px: usize,
+        mean_adu: f64,
+        most_adu: u16,
+        temperature_c: Option<f64>,
+    },
+    Counts {
+        time_utc: String,
+        exposure_s: f64,
+        counts: Map<String, Value>,
+        missed: Map<String, Value>,
+    },
+}
+
+fn reading_json(reading: &Reading) -> ReadingJson<'_> {
+    use ReadingJson as Keys;
     match reading {
         Reading::Power { time, power } => {
-            let watts = if let Power::Watts(watts) = power { Some(*watts) } else { None };
-            json!({ "time_utc": utc(*time), "power_w": watts, "over": watts.is_none() })
+            let power_w = if let Power::Watts(watts) = power { Some(*watts) } else { None };
+            Keys::Power { time_utc: utc(*time), power_w, over: power_w.is_none() }
         }
         Reading::Angle { time, angle_deg } => {
-            json!({ "time_utc": utc(*time), "angle_deg": angle_deg })
+            Keys::Angle { time_utc: utc(*time), angle_deg: *angle_deg }
         }
-        Reading::Slot { time, slot } => json!({ "time_utc": utc(*time), "slot": slot }),
-        Reading::Steps { time, steps, temperature_c } => {
-            json!({ "time_utc": utc(*time), "position_steps": steps, "temperature_c": temperature_c })
-        }
-        Reading::Place { time, place } => match place {
+        Reading::Slot { time, slot } => Keys::Slot { time_utc: utc(*time), slot: *slot },
+        Reading::Steps { time, steps, temperature_c } => Keys::Steps {
+            time_utc: utc(*time),
+            position_steps: *steps,
+            temperature_c: *temperature_c,
+        },
+        Reading::Place { time, place } => match *place {
             MountPlace::Equatorial { ra_deg, dec_deg } => {
-                json!({ "time_utc": utc(*time), "ra_deg": ra_deg, "dec_deg": dec_deg })
+                Keys::Equatorial { time_utc: utc(*time), ra_deg, dec_deg }
             }
             MountPlace::Horizontal { azimuth_deg, altitude_deg } => {
-                json!({ "time_utc": utc(*time), "azimuth_deg": azimuth_deg, "altitude_deg": altitude_deg })
+                Keys::Horizontal { time_utc: utc(*time), azimuth_deg, altitude_deg }
             }
         },
         Reading::Level { time, level, unit } => {
-            let value = if let Level::Value(value) = level { Some(*value) } else { None };
-            json!({ "time_utc": utc(*time), "level": value, "unit": unit, "over": value.is_none() })
+            let level = if let Level::Value(value) = level { Some(*value) } else { None };
+            Keys::Level { time_utc: utc(*time), level, unit, over: level.is_none() }
         }
         Reading::Wavelength { time, wavelength_nm } => {
-            json!({ "time_utc": utc(*time), "wavelength_nm": wavelength_nm })
+            Keys::Wavelength { time_utc: utc(*time), wavelength_nm: *wavelength_nm }
         }
-        Reading::Spectrum(spectrum) => json!({
-            "time_utc": utc(spectrum.start),
-            "exposure_s": spectrum.integration_s,
-            "wavelength_nm": spectrum.wavelength_nm,
-            "counts": spectrum.counts,
-            "over": spectrum.is_saturated(),
-        }),
+        Reading::Spectrum(spectrum) => Keys::Spectrum {
+            time_utc: utc(spectrum.start),
+            exposure_s: spectrum.integration_s,
+            wavelength_nm: &spectrum.wavelength_nm,
+            counts: &spectrum.counts,
+            over: spectrum.is_saturated(),
+        },
         Reading::Frame(frame) => {
-            let (mean, most) = (frame.mean_adu(), frame.most_adu());
-            let (rows, columns) = frame.pixels.dim();
-            json!({
-                "time_utc": format_utc(frame.start, 6),
-                "exposure_s": frame.exposure_s,
-                "columns_px": columns,
-                "rows_px": rows,
-                "mean_adu": mean,
-                "most_adu": most,
-                "temperature_c": frame.temperature_c,
-            })
+            let (rows_px, columns_px) = frame.pixels.dim();
+            Keys::Frame {
+                time_utc: format_utc(frame.start, 6),
+                exposure_s: frame.exposure_s,
+                columns_px,
+                rows_px,
+                mean_adu: frame.mean_adu(),
+                most_adu: frame.most_adu(),
+                temperature_c: frame.temperature_c,
+            }
         }
         Reading::Counts { channels, record } => {
-            let of = |values: &[u64]| -> Value {
-                channels.iter().cloned().zip(values.iter().map(|n| json!(n))).collect()
+            let of = |values: &[u64]| {
+                channels.iter().cloned().zip(values.iter().map(|n| Value::from(*n))).collect()
             };
-            json!({
-                "time_utc": format_utc(record.start, 6),
-                "exposure_s": record.length_ps as f64 * 1e-12,
-                "counts": of(&record.counts),
-                "missed": of(&record.missed),
-            })
+            Keys::Counts {
+                time_utc: format_utc(record.start, 6),
+                exposure_s: record.length_ps as f64 * 1e-12,
+                counts: of(&record.counts),
+                missed: of(&record.missed),
+            }
         }
     }
 }

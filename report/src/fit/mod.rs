@@ -2,10 +2,10 @@
 
 mod page;
 
-use crate::Product;
 use crate::numbers::{NO_WEIGHT, percent_with_sigma};
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
-use serde_json::json;
+use crate::{Product, json_of};
+use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
@@ -259,6 +259,17 @@ fn summary(text: &mut String, g: &Summary) {
     );
 }
 
+#[derive(Serialize)]
+struct FitJson<'a> {
+    scene: String,
+    measured: String,
+    converged: bool,
+    reduced_chi2: f64,
+    parameters: &'a [Estimate],
+    in_the_scene: &'a [f64],
+    doubtful_materials: &'a [String],
+}
+
 /// Measured, model and residual of every sample.
 fn table(answer: &PassFit, curve: &CurveFit) -> Table {
     let mut table = Table::default();
@@ -318,13 +329,18 @@ fn table(answer: &PassFit, curve: &CurveFit) -> Table {
     ] {
         table.columns.push(Column::f64(name, unit, values.clone()));
     }
-    let parameters: Vec<_> = answer.fit.parameters.iter().map(|p| json!(p)).collect();
-    table.meta.insert("fit".into(), json!({
-        "scene": answer.scene_file.display().to_string(), "measured": curve.path.display().to_string(),
-        "converged": answer.fit.converged, "reduced_chi2": answer.fit.reduced_chi2, "parameters": parameters,
-        "in_the_scene": answer.in_the_scene,
-        "doubtful_materials": answer.doubtful_materials,
-    }));
+    table.meta.insert(
+        "fit".into(),
+        json_of(&FitJson {
+            scene: answer.scene_file.display().to_string(),
+            measured: curve.path.display().to_string(),
+            converged: answer.fit.converged,
+            reduced_chi2: answer.fit.reduced_chi2,
+            parameters: &answer.fit.parameters,
+            in_the_scene: &answer.in_the_scene,
+            doubtful_materials: &answer.doubtful_materials,
+        }),
+    );
     table
 }
 
@@ -403,6 +419,13 @@ fn constrained(spectrum: &MaterialSpectrum) -> (f64, f64) {
     (first, inside().next_back().map_or(f64::NAN, |(nm, _)| *nm))
 }
 
+#[derive(Serialize)]
+struct BandJson<'a> {
+    channel: &'a str,
+    albedo: f64,
+    of_spectrum: f64,
+}
+
 fn spectrum_table(spectrum: &MaterialSpectrum) -> Table {
     let found = &spectrum.found;
     let mut table = Table::default();
@@ -415,10 +438,10 @@ fn spectrum_table(spectrum: &MaterialSpectrum) -> Table {
     ];
     let note = "one of many spectra with these band albedos; where constrained is 0 no band says anything; wavelengths are in vacuum";
     let bands: Vec<_> = (found.bands.iter())
-        .map(|(name, wanted, has)| json!({"channel": name, "albedo": wanted, "of_spectrum": has}))
+        .map(|(name, wanted, has)| BandJson { channel: name, albedo: *wanted, of_spectrum: *has })
         .collect();
-    table.meta.insert("note".into(), json!(note));
-    table.meta.insert("bands".into(), json!(bands));
+    table.meta.insert("note".into(), json_of(&note));
+    table.meta.insert("bands".into(), json_of(&bands));
     table
 }
 

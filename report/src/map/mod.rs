@@ -4,15 +4,16 @@ mod plane;
 pub mod quality;
 
 use crate::plot::{Axis, Figure, Heat, Panel, Series};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::map::BodyMap;
 use sunglint_analysis::unmix::column_name;
 use sunglint_formats::fits::{Image, Pixels, Writer};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, EncodeError, Table};
-use sunglint_inference::map::{BodyMaps, MapLayer, MapQuantity, Shortcut};
+use sunglint_inference::map::{BodyMaps, MapLayer, MapQuantity};
 
 /// Colours reach so many decades below the largest value.
 const DECADES: f64 = 4.0;
@@ -59,7 +60,7 @@ pub fn product(maps: &BodyMaps) -> Result<Product, EncodeError> {
 pub fn table(maps: &BodyMaps) -> Table {
     let mut table = Table::default();
     let Some(track) = &maps.track else { return table };
-    table.meta.insert("title".into(), json!(maps.title));
+    table.meta.insert("title".into(), json_of(&maps.title));
     let times = track.time.iter().map(|t| format_utc_shortest(*t)).collect();
     let deg = Some("deg");
     table.columns = vec![
@@ -200,42 +201,73 @@ pub fn text(maps: &BodyMaps) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct MapJson<'a> {
+    name: &'a str,
+    quantity: &'a str,
+    unit: Option<&'a str>,
+    largest: f64,
+    longitude_deg: Option<f64>,
+    latitude_deg: Option<f64>,
+    filled_cells: usize,
+    empty_cells: usize,
+    coverage: f64,
+    left_out_samples: usize,
+    agreement: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct ShortcutJson<'a> {
+    channel: &'a str,
+    samples: usize,
+    relative_error: f64,
+    median_error: f64,
+    percentile_95_error: f64,
+}
+
+#[derive(Serialize)]
+struct MapsJson<'a> {
+    title: &'a str,
+    phase_deg: Option<f64>,
+    step_deg: Option<f64>,
+    maps: Vec<MapJson<'a>>,
+    shortcut: Vec<ShortcutJson<'a>>,
+    warnings: &'a [String],
+}
+
 /// Summary with its documented keys.
 pub fn json(maps: &BodyMaps) -> Value {
-    let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
-    let layer = |layer: &MapLayer| {
+    let layers = maps.layers.iter().map(|layer| {
         let coverage = layer.map.coverage();
         let (most, at) = largest(&layer.map);
-        json!({
-            "name": layer.name,
-            "quantity": words(layer.quantity).2,
-            "unit": words(layer.quantity).1,
-            "largest": number(most),
-            "longitude_deg": at.map(|a| rounded(a.0)),
-            "latitude_deg": at.map(|a| rounded(a.1)),
-            "filled_cells": coverage.filled,
-            "empty_cells": coverage.empty,
-            "coverage": rounded(coverage.share),
-            "left_out_samples": coverage.left_out,
-            "agreement": layer.agreement.map(rounded),
-        })
-    };
-    let shortcut = |s: &Shortcut| {
-        json!({
-            "channel": s.channel,
-            "samples": s.samples,
-            "relative_error": number(s.relative_error),
-            "median_error": number(s.median),
-            "percentile_95_error": number(s.worst_of_twenty),
-        })
-    };
-    json!({
-        "title": maps.title,
-        "phase_deg": maps.phase_deg.map(rounded),
-        "step_deg": maps.layers.first().map(|l| rounded(l.map.grid.step_deg())),
-        "maps": maps.layers.iter().map(layer).collect::<Vec<_>>(),
-        "shortcut": maps.shortcut.iter().map(shortcut).collect::<Vec<_>>(),
-        "warnings": maps.warnings,
+        MapJson {
+            name: &layer.name,
+            quantity: words(layer.quantity).2,
+            unit: words(layer.quantity).1,
+            largest: rounded(most),
+            longitude_deg: at.map(|a| rounded(a.0)),
+            latitude_deg: at.map(|a| rounded(a.1)),
+            filled_cells: coverage.filled,
+            empty_cells: coverage.empty,
+            coverage: rounded(coverage.share),
+            left_out_samples: coverage.left_out,
+            agreement: layer.agreement.map(rounded),
+        }
+    });
+    let shortcut = maps.shortcut.iter().map(|s| ShortcutJson {
+        channel: &s.channel,
+        samples: s.samples,
+        relative_error: rounded(s.relative_error),
+        median_error: rounded(s.median),
+        percentile_95_error: rounded(s.worst_of_twenty),
+    });
+    json_of(&MapsJson {
+        title: &maps.title,
+        phase_deg: maps.phase_deg.map(rounded),
+        step_deg: maps.layers.first().map(|l| rounded(l.map.grid.step_deg())),
+        maps: layers.collect(),
+        shortcut: shortcut.collect(),
+        warnings: &maps.warnings,
     })
 }
 

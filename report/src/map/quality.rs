@@ -2,8 +2,9 @@
 
 use super::plane;
 use crate::plot::{Axis, Figure, Heat, Panel};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
 use sunglint_formats::fits::{Image, Pixels, Writer};
@@ -57,22 +58,57 @@ pub fn text(found: &SpinQuality) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct QualityJson<'a> {
+    title: String,
+    samples: usize,
+    step_deg: f64,
+    axes: usize,
+    periods: usize,
+    best: BestJson,
+    alike: AlikeJson,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct BestJson {
+    ra_deg: f64,
+    dec_deg: f64,
+    period_s: f64,
+    theta: f64,
+    cells: usize,
+    visits: usize,
+}
+
+#[derive(Serialize)]
+struct AlikeJson {
+    sky_share: f64,
+    period_s: [f64; 2],
+}
+
 /// Summary with its documented keys.
 pub fn json(found: &SpinQuality) -> Value {
     let (spin, quality) = found.best;
     let (ra, dec) = found.axis_deg();
-    json!({
-        "title": title(found),
-        "samples": found.samples,
-        "step_deg": rounded(found.step_deg),
-        "axes": found.theta.mean.len(),
-        "periods": found.periods,
-        "best": {
-            "ra_deg": rounded(ra), "dec_deg": rounded(dec), "period_s": rounded(spin.period_s),
-            "theta": rounded(quality.theta), "cells": quality.cells, "visits": quality.visits,
+    json_of(&QualityJson {
+        title: title(found),
+        samples: found.samples,
+        step_deg: rounded(found.step_deg),
+        axes: found.theta.mean.len(),
+        periods: found.periods,
+        best: BestJson {
+            ra_deg: rounded(ra),
+            dec_deg: rounded(dec),
+            period_s: rounded(spin.period_s),
+            theta: rounded(quality.theta),
+            cells: quality.cells,
+            visits: quality.visits,
         },
-        "alike": { "sky_share": rounded(found.alike), "period_s": [rounded(found.alike_s.0), rounded(found.alike_s.1)] },
-        "warnings": found.warnings,
+        alike: AlikeJson {
+            sky_share: rounded(found.alike),
+            period_s: [rounded(found.alike_s.0), rounded(found.alike_s.1)],
+        },
+        warnings: &found.warnings,
     })
 }
 

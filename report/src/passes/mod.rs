@@ -4,8 +4,9 @@ mod figure;
 mod table;
 
 use crate::plot::sky::SkyPlot;
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fmt::Write as _;
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Search, Span};
@@ -42,6 +43,111 @@ pub struct PassesReport<'a> {
 
 /// Failures that the text names at most.
 const NAMED: usize = 5;
+
+#[derive(Serialize)]
+#[serde(tag = "law")]
+enum LightJson<'a> {
+    #[serde(rename = "model")]
+    Model { target: &'a str, attitude: &'a str, tolerance: f64 },
+    #[serde(rename = "diffuse sphere")]
+    Sphere { diameter_m: f64, reflectance: f64 },
+    #[serde(rename = "standard magnitude")]
+    Standard { v_1000_km_half_lit: f64 },
+}
+
+#[derive(Serialize)]
+struct PassesJson<'a> {
+    from_utc: String,
+    to_utc: String,
+    station: StationJson<'a>,
+    air: AirJson,
+    conditions: ConditionsJson,
+    brightness: Option<LightJson<'a>>,
+    zero_point: String,
+    exposure_s: f64,
+    dark: Vec<SpanJson>,
+    counts: CountsJson,
+    passes: Vec<PassJson<'a>>,
+    failures: Vec<FailureJson<'a>>,
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
+#[derive(Serialize)]
+struct StationJson<'a> {
+    name: &'a str,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+    mount: &'a str,
+}
+
+#[derive(Serialize)]
+struct AirJson {
+    description: String,
+}
+
+#[derive(Serialize)]
+struct ConditionsJson {
+    min_elevation_deg: f64,
+    sun_below_deg: f64,
+}
+
+#[derive(Serialize)]
+struct CountsJson {
+    objects: usize,
+    never_up: usize,
+    always_up: usize,
+    passes_above_horizon: usize,
+    in_shadow: usize,
+    in_daylight: usize,
+    lit_by_day: usize,
+    filtered: usize,
+    visible: usize,
+}
+
+#[derive(Serialize)]
+struct FailureJson<'a> {
+    what: &'a str,
+    why: &'a str,
+}
+
+#[derive(Serialize)]
+struct RateJson {
+    rate_hz: f64,
+    sigma_hz: Option<f64>,
+    saturated: bool,
+    signal_to_noise: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct PassJson<'a> {
+    target: &'a str,
+    norad_id: u32,
+    rise_utc: Option<String>,
+    set_utc: Option<String>,
+    visible: Vec<SpanJson>,
+    visible_s: f64,
+    sunlit: Vec<SpanJson>,
+    shadow_entry_utc: Vec<String>,
+    shadow_exit_utc: Vec<String>,
+    start: MomentJson,
+    culmination: MomentJson,
+    brightest: MomentJson,
+    end: MomentJson,
+    v_station_mag: Option<f64>,
+    meridian: Vec<MeridianJson>,
+    meridian_flip: bool,
+    zenith_keyhole: bool,
+    azimuth_rate_deg_s: f64,
+    rates: Map<String, Value>,
+}
+
+#[derive(Serialize)]
+struct MeridianJson {
+    time_utc: String,
+    hour_angle_h: u8,
+}
 
 impl PassesReport<'_> {
     /// Table, and summary where `json` asks for it.
@@ -284,82 +390,160 @@ impl PassesReport<'_> {
         let (window, site) = (self.search.window(), self.station.site.geodetic());
         let conditions = self.search.conditions();
         let brightness = match &self.photometer.light {
-            SightingLight::Model(_, words) => {
-                json!({
-                    "law": "model", "target": words.target, "attitude": words.attitude,
-                    "tolerance": words.tolerance,
-                })
-            }
+            SightingLight::Model(_, words) => Some(LightJson::Model {
+                target: &words.target,
+                attitude: &words.attitude,
+                tolerance: words.tolerance,
+            }),
             SightingLight::Law(Brightness::Sphere { diameter_m, reflectance }) => {
-                json!({ "law": "diffuse sphere", "diameter_m": diameter_m, "reflectance": reflectance })
+                Some(LightJson::Sphere { diameter_m: *diameter_m, reflectance: *reflectance })
             }
             SightingLight::Law(Brightness::Standard { magnitude }) => {
-                json!({ "law": "standard magnitude", "v_1000_km_half_lit": magnitude })
+                Some(LightJson::Standard { v_1000_km_half_lit: *magnitude })
             }
-            _ => Value::Null,
+            _ => None,
         };
         let c = self.counts;
-        json!({
-            "from_utc": format_utc(window.from, 3), "to_utc": format_utc(window.to, 3),
-            "station": { "name": self.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg,
-                "height_m": site.height_m,
-                "mount": if self.station.telescope.mount == Mount::Equatorial { "equatorial" } else { "alt-azimuth" } },
-            "air": { "description": self.photometer.air.describe() },
-            "conditions": { "min_elevation_deg": conditions.min_altitude_deg, "sun_below_deg": conditions.sun_below_deg },
-            "brightness": brightness, "zero_point": self.photometer.zero.to_string(), "exposure_s": self.photometer.exposure_s,
-            "dark": spans(&self.search.dark()),
-            "counts": { "objects": c.objects, "never_up": c.never_up, "always_up": c.always_up, "passes_above_horizon": c.stays,
-                "in_shadow": c.in_shadow, "in_daylight": c.in_daylight, "lit_by_day": c.lit_by_day, "filtered": c.filtered,
-                "visible": self.passes.len() },
-            "passes": self.passes.iter().map(|p| self.pass_json(p)).collect::<Vec<_>>(),
-            "failures": self.failures.iter().map(|f| json!({ "what": f.what, "why": f.why })).collect::<Vec<_>>(),
-            "warnings": self.warnings,
-            "inputs": self.inputs,
+        json_of(&PassesJson {
+            from_utc: format_utc(window.from, 3),
+            to_utc: format_utc(window.to, 3),
+            station: StationJson {
+                name: &self.station.name,
+                latitude_deg: site.latitude_deg,
+                longitude_deg: site.longitude_deg,
+                height_m: site.height_m,
+                mount: if self.station.telescope.mount == Mount::Equatorial {
+                    "equatorial"
+                } else {
+                    "alt-azimuth"
+                },
+            },
+            air: AirJson { description: self.photometer.air.describe() },
+            conditions: ConditionsJson {
+                min_elevation_deg: conditions.min_altitude_deg,
+                sun_below_deg: conditions.sun_below_deg,
+            },
+            brightness,
+            zero_point: self.photometer.zero.to_string(),
+            exposure_s: self.photometer.exposure_s,
+            dark: spans(&self.search.dark()),
+            counts: CountsJson {
+                objects: c.objects,
+                never_up: c.never_up,
+                always_up: c.always_up,
+                passes_above_horizon: c.stays,
+                in_shadow: c.in_shadow,
+                in_daylight: c.in_daylight,
+                lit_by_day: c.lit_by_day,
+                filtered: c.filtered,
+                visible: self.passes.len(),
+            },
+            passes: self.passes.iter().map(|p| self.pass_json(p)).collect(),
+            failures: self
+                .failures
+                .iter()
+                .map(|f| FailureJson { what: &f.what, why: &f.why })
+                .collect(),
+            warnings: self.warnings,
+            inputs: &self.inputs,
         })
     }
 
-    fn pass_json(&self, pass: &SeenPass) -> Value {
+    fn pass_json<'a>(&self, pass: &'a SeenPass) -> PassJson<'a> {
         let p = &pass.pass;
         let changes = |entry: bool| -> Vec<String> {
             let wanted = p.shadow_changes().into_iter().filter(|(_, e)| *e == entry);
             wanted.map(|(epoch, _)| format_utc(epoch, 3)).collect()
         };
         let rates = self.station.channels.iter().zip(&pass.expected.channels).map(|(c, found)| {
-            let value = match found {
-                None => Value::Null,
-                Some((hz, predicted)) => json!({ "rate_hz": rounded(*hz), "sigma_hz": predicted.sigma_hz.map(rounded),
-                    "saturated": predicted.saturated, "signal_to_noise": predicted.sigma_hz.map(|s| rounded(hz / s)) }),
-            };
-            (c.name.clone(), value)
+            let rate = found.as_ref().map(|(hz, predicted)| RateJson {
+                rate_hz: rounded(*hz),
+                sigma_hz: predicted.sigma_hz.map(rounded),
+                saturated: predicted.saturated,
+                signal_to_noise: predicted.sigma_hz.map(|s| rounded(hz / s)),
+            });
+            (c.name.clone(), json_of(&rate))
         });
-        json!({
-            "target": pass.target, "norad_id": pass.norad_id,
-            "rise_utc": p.rises.then(|| format_utc(p.span.from, 3)), "set_utc": p.sets.then(|| format_utc(p.span.to, 3)),
-            "visible": spans(&p.visible), "visible_s": rounded(pass.visible_s()), "sunlit": spans(&p.sunlit),
-            "shadow_entry_utc": changes(true), "shadow_exit_utc": changes(false),
-            "start": event(&pass.start), "culmination": event(&pass.culmination), "brightest": event(&pass.brightest), "end": event(&pass.end),
-            "v_station_mag": pass.expected.v_station.map(rounded),
-            "meridian": p.meridian.iter().map(|c| json!({ "time_utc": format_utc(c.epoch, 3), "hour_angle_h": if c.lower { 12 } else { 0 } })).collect::<Vec<_>>(),
-            "meridian_flip": pass.meridian_flip, "zenith_keyhole": pass.keyhole, "azimuth_rate_deg_s": rounded(p.azimuth_rate_deg_s),
-            "rates": Value::Object(rates.collect()),
-        })
+        PassJson {
+            target: &pass.target,
+            norad_id: pass.norad_id,
+            rise_utc: p.rises.then(|| format_utc(p.span.from, 3)),
+            set_utc: p.sets.then(|| format_utc(p.span.to, 3)),
+            visible: spans(&p.visible),
+            visible_s: rounded(pass.visible_s()),
+            sunlit: spans(&p.sunlit),
+            shadow_entry_utc: changes(true),
+            shadow_exit_utc: changes(false),
+            start: event(&pass.start),
+            culmination: event(&pass.culmination),
+            brightest: event(&pass.brightest),
+            end: event(&pass.end),
+            v_station_mag: pass.expected.v_station.map(rounded),
+            meridian: p
+                .meridian
+                .iter()
+                .map(|c| MeridianJson {
+                    time_utc: format_utc(c.epoch, 3),
+                    hour_angle_h: if c.lower { 12 } else { 0 },
+                })
+                .collect(),
+            meridian_flip: pass.meridian_flip,
+            zenith_keyhole: pass.keyhole,
+            azimuth_rate_deg_s: rounded(p.azimuth_rate_deg_s),
+            rates: rates.collect(),
+        }
     }
 }
 
-fn event(e: &SightingEvent) -> Value {
-    let g = &e.geometry;
-    json!({
-        "time_utc": format_utc(g.epoch, 3), "altitude_deg": rounded(g.horizontal.altitude_deg()), "azimuth_deg": rounded(g.horizontal.azimuth_deg()),
-        "range_m": rounded(g.range_m), "phase_deg": rounded(g.phase_deg()), "sunlit": rounded(g.sunlit),
-        "v_mag": e.v_mag.is_finite().then(|| rounded(e.v_mag)),
-        "sun_altitude_deg": rounded(e.sun_altitude_deg), "twilight": e.twilight.to_string(),
-        "moon": { "altitude_deg": rounded(e.moon_altitude_deg), "separation_deg": rounded(e.moon_separation_deg), "illuminated_fraction": rounded(e.moon_illuminated) },
-    })
+#[derive(Serialize)]
+struct MomentJson {
+    time_utc: String,
+    altitude_deg: f64,
+    azimuth_deg: f64,
+    range_m: f64,
+    phase_deg: f64,
+    sunlit: f64,
+    v_mag: Option<f64>,
+    sun_altitude_deg: f64,
+    twilight: String,
+    moon: MoonJson,
 }
 
-fn spans(spans: &[Span]) -> Value {
-    let span =
-        |s: &Span| json!({ "from_utc": format_utc(s.from, 3), "to_utc": format_utc(s.to, 3) });
+#[derive(Serialize)]
+struct MoonJson {
+    altitude_deg: f64,
+    separation_deg: f64,
+    illuminated_fraction: f64,
+}
+
+fn event(e: &SightingEvent) -> MomentJson {
+    let g = &e.geometry;
+    MomentJson {
+        time_utc: format_utc(g.epoch, 3),
+        altitude_deg: rounded(g.horizontal.altitude_deg()),
+        azimuth_deg: rounded(g.horizontal.azimuth_deg()),
+        range_m: rounded(g.range_m),
+        phase_deg: rounded(g.phase_deg()),
+        sunlit: rounded(g.sunlit),
+        v_mag: e.v_mag.is_finite().then(|| rounded(e.v_mag)),
+        sun_altitude_deg: rounded(e.sun_altitude_deg),
+        twilight: e.twilight.to_string(),
+        moon: MoonJson {
+            altitude_deg: rounded(e.moon_altitude_deg),
+            separation_deg: rounded(e.moon_separation_deg),
+            illuminated_fraction: rounded(e.moon_illuminated),
+        },
+    }
+}
+
+#[derive(Serialize)]
+struct SpanJson {
+    from_utc: String,
+    to_utc: String,
+}
+
+fn spans(spans: &[Span]) -> Vec<SpanJson> {
+    let span = |s: &Span| SpanJson { from_utc: format_utc(s.from, 3), to_utc: format_utc(s.to, 3) };
     spans.iter().map(span).collect()
 }
 

@@ -1,7 +1,7 @@
 //! The passes as columns.
 
 use super::PassesReport;
-use serde_json::json;
+use crate::json_of;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::light_curve::Provenance;
@@ -31,12 +31,12 @@ pub(super) fn table(report: &PassesReport<'_>) -> Table {
         ..Provenance::default()
     };
     for (key, value) in [
-        ("title", json!(report.title())),
-        ("from_utc", json!(format_utc(window.from, 3))),
-        ("to_utc", json!(format_utc(window.to, 3))),
-        ("min_elevation_deg", json!(conditions.min_altitude_deg)),
-        ("sun_below_deg", json!(conditions.sun_below_deg)),
-        ("exposure_s", json!(report.photometer.exposure_s)),
+        ("title", report.title().into()),
+        ("from_utc", format_utc(window.from, 3).into()),
+        ("to_utc", format_utc(window.to, 3).into()),
+        ("min_elevation_deg", json_of(&conditions.min_altitude_deg)),
+        ("sun_below_deg", json_of(&conditions.sun_below_deg)),
+        ("exposure_s", json_of(&report.photometer.exposure_s)),
         ("provenance", provenance.to_json()),
     ] {
         table.meta.insert(key.into(), value);

@@ -5,8 +5,9 @@ pub mod sessions;
 
 pub use figure::figure;
 
-use crate::{Product, inputs, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::map::longitude_latitude;
 use sunglint_analysis::period::verdict::{
@@ -15,6 +16,7 @@ use sunglint_analysis::period::verdict::{
 use sunglint_analysis::period::{FlashTrain, FoundPeriod};
 use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table};
+use sunglint_radiometry::light_curve::Input;
 
 /// A period to the second digit of its uncertainty.
 fn with_sigma(e: &Estimate) -> String {
@@ -320,75 +322,306 @@ fn folding(v: &Verdict) -> Option<String> {
     }
 }
 
+#[derive(Serialize)]
+struct EstimateJson {
+    period_s: f64,
+    sigma_s: f64,
+}
+
+#[derive(Serialize)]
+struct MemberJson {
+    period_s: f64,
+    sigma_s: f64,
+    turns: Option<f64>,
+    why: String,
+}
+
+#[derive(Serialize)]
+struct PeriodJson<'a> {
+    verdict: &'a str,
+    periods: Vec<MemberJson>,
+    reason: Option<String>,
+    best: Option<EstimateJson>,
+    harmonics: usize,
+    false_alarm: Option<f64>,
+    chance_beside: Option<f64>,
+    questions: Vec<QuestionJson>,
+    peaks: Vec<PeakJson>,
+    searched_s: Option<[f64; 2]>,
+    window_peaks: Vec<WindowPeak>,
+    independent_channels: f64,
+    independent_samples: f64,
+    sidereal: Option<SiderealJson>,
+    along: Option<AlongJson>,
+    changing: bool,
+    drift_turns: f64,
+    folding: Option<FoldingJson>,
+    tracks: Option<TracksJson<'a>>,
+    flashes: Option<FlashesJson>,
+    channels: Vec<ChannelJson<'a>>,
+    removed: &'a [String],
+    warnings: &'a [String],
+    inputs: &'a [Input],
+}
+
+#[derive(Serialize)]
+struct QuestionJson {
+    longer_s: f64,
+    shorter_s: f64,
+    chance: Option<f64>,
+    unlike: Option<f64>,
+    dispersion_chance: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct PeakJson {
+    harmonics: usize,
+    period_s: f64,
+    gain: f64,
+}
+
+#[derive(Serialize)]
+struct WindowPeak {
+    frequency_hz: f64,
+    height: f64,
+}
+
+#[derive(Serialize)]
+struct SiderealJson {
+    fastest_deg_s: f64,
+    moved_deg: f64,
+    from_to_s: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct AlongJson {
+    stretches: usize,
+    way_deg: f64,
+    ra_deg: f64,
+    dec_deg: f64,
+    synodic_s: f64,
+    bend_turns: f64,
+    even_share: f64,
+    sidereal_s: [f64; 2],
+    sky_share: f64,
+}
+
+#[derive(Serialize)]
+struct FoldingJson {
+    step_s: f64,
+    exposure_s: Option<f64>,
+    presumes_full_exposures: bool,
+    unnamed: usize,
+    shortest_s: f64,
+}
+
+#[derive(Serialize)]
+struct TracksJson<'a> {
+    chance: f64,
+    periods: Vec<TrackPeriod<'a>>,
+}
+
+#[derive(Serialize)]
+struct TrackPeriod<'a> {
+    name: &'a str,
+    middle_s: f64,
+    period_s: f64,
+    sigma_s: f64,
+}
+
+#[derive(Serialize)]
+struct FlashesJson {
+    flashes: usize,
+    lit: f64,
+    held: f64,
+    width_s: f64,
+    decides: bool,
+    best: Option<EstimateJson>,
+    chance: Option<f64>,
+    periods: Vec<FlashPeriod>,
+    phases: Vec<PhaseJson>,
+}
+
+#[derive(Serialize)]
+struct FlashPeriod {
+    period_s: f64,
+    sigma_s: f64,
+    turns: f64,
+}
+
+#[derive(Serialize)]
+struct PhaseJson {
+    phase: f64,
+    seen: usize,
+    flashed: usize,
+    strength: f64,
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    samples: usize,
+    flagged: usize,
+    not_finite: usize,
+    same_time: usize,
+    alone: usize,
+}
+
 /// Summary with its documented keys.
 pub fn json(found: &FoundPeriod) -> Value {
     let v = &found.verdict;
     let estimate =
-        |e: &Estimate| json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s) });
+        |e: &Estimate| EstimateJson { period_s: rounded(e.period_s), sigma_s: rounded(e.sigma_s) };
     let outcome = match &v.outcome {
-        Outcome::One(_) => json!("one"),
-        Outcome::Family(_) => json!("family"),
-        Outcome::Two(..) => json!("two"),
-        _ => json!("not_enough"),
+        Outcome::One(_) => "one",
+        Outcome::Family(_) => "family",
+        Outcome::Two(..) => "two",
+        _ => "not_enough",
     };
-    let members: Vec<Value> = match &v.outcome {
-            Outcome::One(e) => vec![json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s), "turns": null, "why": "the only one" })],
-            Outcome::Two(first, second) => [first, second]
-                .iter()
-                .map(|e| json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s), "turns": null, "why": "one of two periods at once" }))
-                .collect(),
-            Outcome::Family(members) => members
-                .iter()
-                .map(|m| json!({ "period_s": rounded(m.estimate.period_s), "sigma_s": finite(m.estimate.sigma_s), "turns": rounded(m.turns), "why": why(found, m) }))
-                .collect(),
-            _ => Vec::new(),
-        };
+    let members: Vec<_> = match &v.outcome {
+        Outcome::One(e) => vec![MemberJson {
+            period_s: rounded(e.period_s),
+            sigma_s: rounded(e.sigma_s),
+            turns: None,
+            why: "the only one".into(),
+        }],
+        Outcome::Two(first, second) => [first, second]
+            .iter()
+            .map(|e| MemberJson {
+                period_s: rounded(e.period_s),
+                sigma_s: rounded(e.sigma_s),
+                turns: None,
+                why: "one of two periods at once".into(),
+            })
+            .collect(),
+        Outcome::Family(members) => members
+            .iter()
+            .map(|m| MemberJson {
+                period_s: rounded(m.estimate.period_s),
+                sigma_s: rounded(m.estimate.sigma_s),
+                turns: Some(rounded(m.turns)),
+                why: why(found, m),
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
     let reason = match &v.outcome {
-        Outcome::NotEnough(reason) => json!(reason.to_string()),
-        _ => Value::Null,
+        Outcome::NotEnough(reason) => Some(reason.to_string()),
+        _ => None,
     };
-    json!({
-        "verdict": outcome,
-        "periods": members,
-        "reason": reason,
-        "best": v.best.as_ref().map(estimate),
-        "harmonics": v.harmonics,
-        "false_alarm": v.false_alarm,
-        "chance_beside": v.beside,
-        "questions": v.questions.iter().map(|q| json!({
-            "longer_s": rounded(q.longer_s), "shorter_s": rounded(q.shorter_s), "chance": q.chance, "unlike": q.unlike.map(rounded), "dispersion_chance": q.dispersion_chance,
-        })).collect::<Vec<_>>(),
-        "peaks": v.peaks.iter().map(|(k, p, g)| json!({ "harmonics": k, "period_s": rounded(*p), "gain": rounded(*g) })).collect::<Vec<_>>(),
-        "searched_s": v.searched_s.map(|(a, b)| [rounded(a), rounded(b)]),
-        "window_peaks": v.window_peaks.iter().map(|(f, h)| json!({ "frequency_hz": rounded(*f), "height": rounded(*h) })).collect::<Vec<_>>(),
-        "independent_channels": rounded(v.independent_channels),
-        "independent_samples": rounded(v.independent_samples),
-        "sidereal": found.sidereal.map(|s| json!({ "fastest_deg_s": rounded(s.fastest_deg_s), "moved_deg": rounded(s.moved_deg), "from_to_s": [finite(s.from_to_s.0), finite(s.from_to_s.1)] })),
-        "along": found.along.as_ref().map(|a| json!({
-            "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
-            "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
-        })),
-        "changing": v.drift_turns > 0.0,
-        "drift_turns": v.drift_turns,
-        "folding": v.folding.map(|f| json!({
-            "step_s": rounded(f.step_s), "exposure_s": f.exposure_s.map(rounded), "presumes_full_exposures": f.exposure_s.is_none(), "unnamed": f.unnamed, "shortest_s": finite(f.shortest_s),
-        })),
-        "tracks": found.tracks.as_ref().map(|t| json!({
-            "chance": t.chance,
-            "periods": t.periods.iter().map(|p| json!({ "name": p.name, "middle_s": rounded(p.middle_s), "period_s": rounded(p.estimate.period_s), "sigma_s": finite(p.estimate.sigma_s) })).collect::<Vec<_>>(),
-        })),
-        "flashes": found.flashes.as_ref().map(|f| json!({
-            "flashes": f.flashes, "lit": rounded(f.lit), "held": rounded(f.held), "width_s": rounded(f.width_s), "decides": f.decides,
-            "best": f.best.as_ref().map(estimate), "chance": f.chance,
-            "periods": f.periods.iter().map(|m| json!({ "period_s": rounded(m.estimate.period_s), "sigma_s": finite(m.estimate.sigma_s), "turns": rounded(m.turns) })).collect::<Vec<_>>(),
-            "phases": f.phases.iter().map(|p| json!({ "phase": rounded(p.phase), "seen": p.seen, "flashed": p.flashed, "strength": rounded(p.strength) })).collect::<Vec<_>>(),
-        })),
-        "channels": found.series.iter().map(|s| json!({
-            "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time, "alone": s.left_out.alone,
-        })).collect::<Vec<_>>(),
-        "removed": found.curves.removed,
-        "warnings": found.warnings,
-        "inputs": inputs::json(&found.curves.inputs),
+    json_of(&PeriodJson {
+        verdict: outcome,
+        periods: members,
+        reason,
+        best: v.best.as_ref().map(estimate),
+        harmonics: v.harmonics,
+        false_alarm: v.false_alarm,
+        chance_beside: v.beside,
+        questions: v
+            .questions
+            .iter()
+            .map(|q| QuestionJson {
+                longer_s: rounded(q.longer_s),
+                shorter_s: rounded(q.shorter_s),
+                chance: q.chance,
+                unlike: q.unlike.map(rounded),
+                dispersion_chance: q.dispersion_chance,
+            })
+            .collect(),
+        peaks: v
+            .peaks
+            .iter()
+            .map(|(k, p, g)| PeakJson { harmonics: *k, period_s: rounded(*p), gain: rounded(*g) })
+            .collect(),
+        searched_s: v.searched_s.map(|(a, b)| [rounded(a), rounded(b)]),
+        window_peaks: v
+            .window_peaks
+            .iter()
+            .map(|(f, h)| WindowPeak { frequency_hz: rounded(*f), height: rounded(*h) })
+            .collect(),
+        independent_channels: rounded(v.independent_channels),
+        independent_samples: rounded(v.independent_samples),
+        sidereal: found.sidereal.map(|s| SiderealJson {
+            fastest_deg_s: rounded(s.fastest_deg_s),
+            moved_deg: rounded(s.moved_deg),
+            from_to_s: [rounded(s.from_to_s.0), rounded(s.from_to_s.1)],
+        }),
+        along: found.along.as_ref().map(|a| AlongJson {
+            stretches: a.stretches,
+            way_deg: rounded(a.way_deg),
+            ra_deg: rounded(axis_deg(a).0),
+            dec_deg: rounded(axis_deg(a).1),
+            synodic_s: rounded(a.clock.synodic_s),
+            bend_turns: rounded(a.clock.bend_turns),
+            even_share: rounded(a.even_share),
+            sidereal_s: [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)],
+            sky_share: rounded(a.alike),
+        }),
+        changing: v.drift_turns > 0.0,
+        drift_turns: v.drift_turns,
+        folding: v.folding.map(|f| FoldingJson {
+            step_s: rounded(f.step_s),
+            exposure_s: f.exposure_s.map(rounded),
+            presumes_full_exposures: f.exposure_s.is_none(),
+            unnamed: f.unnamed,
+            shortest_s: rounded(f.shortest_s),
+        }),
+        tracks: found.tracks.as_ref().map(|t| TracksJson {
+            chance: t.chance,
+            periods: t
+                .periods
+                .iter()
+                .map(|p| TrackPeriod {
+                    name: &p.name,
+                    middle_s: rounded(p.middle_s),
+                    period_s: rounded(p.estimate.period_s),
+                    sigma_s: rounded(p.estimate.sigma_s),
+                })
+                .collect(),
+        }),
+        flashes: found.flashes.as_ref().map(|f| FlashesJson {
+            flashes: f.flashes,
+            lit: rounded(f.lit),
+            held: rounded(f.held),
+            width_s: rounded(f.width_s),
+            decides: f.decides,
+            best: f.best.as_ref().map(estimate),
+            chance: f.chance,
+            periods: f
+                .periods
+                .iter()
+                .map(|m| FlashPeriod {
+                    period_s: rounded(m.estimate.period_s),
+                    sigma_s: rounded(m.estimate.sigma_s),
+                    turns: rounded(m.turns),
+                })
+                .collect(),
+            phases: f
+                .phases
+                .iter()
+                .map(|p| PhaseJson {
+                    phase: rounded(p.phase),
+                    seen: p.seen,
+                    flashed: p.flashed,
+                    strength: rounded(p.strength),
+                })
+                .collect(),
+        }),
+        channels: found
+            .series
+            .iter()
+            .map(|s| ChannelJson {
+                name: &s.name,
+                samples: s.len(),
+                flagged: s.left_out.flagged,
+                not_finite: s.left_out.not_finite,
+                same_time: s.left_out.same_time,
+                alone: s.left_out.alone,
+            })
+            .collect(),
+        removed: &found.curves.removed,
+        warnings: &found.warnings,
+        inputs: &found.curves.inputs,
     })
 }
 
@@ -411,12 +644,8 @@ pub fn table(found: &FoundPeriod) -> Table {
     for key in ["verdict", "periods", "reason", "best", "searched_s", "removed", "inputs"] {
         table.meta.insert(key.into(), summary[key].clone());
     }
-    table.meta.insert("harmonics".into(), json!(found.harmonics));
+    table.meta.insert("harmonics".into(), json_of(&found.harmonics));
     table
-}
-
-fn finite(value: f64) -> Value {
-    if value.is_finite() { json!(rounded(value)) } else { Value::Null }
 }
 
 /// Right ascension (0 to 360°) and declination of the clock's axis.

@@ -1,9 +1,9 @@
 //! The period of several sessions with a zero point each: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series as Line, Span};
-use crate::{Product, inputs};
+use crate::{Product, inputs, json_of};
 use plotters::style::RGBColor;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::sessions::{Joined, Member, Outcome};
 use sunglint_formats::text::counted;
@@ -170,7 +170,7 @@ pub fn table(joined: &Joined) -> Table {
     {
         table.meta.insert(key.into(), summary[key].clone());
     }
-    table.meta.insert("title".into(), json!(headline(joined)));
+    table.meta.insert("title".into(), headline(joined).into());
     table
 }
 

@@ -1,14 +1,33 @@
 //! The reflection map: what a body sends back over the directions of the phase vector.
 
 use crate::plot::{Axis, Figure, Heat, Panel};
-use crate::{Product, rounded};
-use serde_json::json;
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use sunglint_formats::EncodeError;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
 use sunglint_simulator::picture::{Aim, Map, ReflectionMaps};
 
 /// Colours reach so many decades below the largest value.
 const DECADES: f64 = 4.0;
+
+#[derive(Serialize)]
+struct BandJson {
+    wavelength_nm: f64,
+    brightest: f64,
+    longitude_deg: f64,
+    latitude_deg: f64,
+}
+
+#[derive(Serialize)]
+struct MapJson<'a> {
+    title: String,
+    target: &'a str,
+    phase_deg: f64,
+    step_deg: f64,
+    unit: &'a str,
+    bands: Vec<BandJson>,
+    warnings: &'a [String],
+}
 
 /// All forms of maps, and the text.
 ///
@@ -31,25 +50,25 @@ pub fn product(found: &ReflectionMaps<'_>) -> Result<(Product, String), EncodeEr
         text.push_str(&format!(
             "  {nm:>6} nm  brightest {most:.6e} {unit} at longitude {longitude:.2}°, latitude {latitude:.2}°\n"
         ));
-        bands.push(json!({
-            "wavelength_nm": nm,
-            "brightest": rounded(most),
-            "longitude_deg": rounded(longitude),
-            "latitude_deg": rounded(latitude),
-        }));
+        bands.push(BandJson {
+            wavelength_nm: *nm,
+            brightest: rounded(most),
+            longitude_deg: rounded(longitude),
+            latitude_deg: rounded(latitude),
+        });
     }
     let product = Product {
         name: "reflection_map".into(),
         figure: Some(Figure { title: title.clone(), panels }),
         fits: Some(bytes(aim, maps, unit)?),
-        json: json!({
-            "title": title,
-            "target": aim.target.name,
-            "phase_deg": phase_deg,
-            "step_deg": rounded(step(&maps[0].1)),
-            "unit": unit,
-            "bands": bands,
-            "warnings": aim.warnings,
+        json: json_of(&MapJson {
+            title,
+            target: &aim.target.name,
+            phase_deg: *phase_deg,
+            step_deg: rounded(step(&maps[0].1)),
+            unit,
+            bands,
+            warnings: &aim.warnings,
         }),
         ..Product::default()
     };

@@ -5,8 +5,9 @@ pub mod map;
 pub mod sphere;
 mod tiles;
 
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
 use sunglint_formats::time::format_utc_shortest;
@@ -18,6 +19,46 @@ use tiles::{depths, gallery, length};
 pub struct PictureReport<'a> {
     /// The picture.
     pub shot: &'a Shot<'a>,
+}
+
+#[derive(Serialize)]
+struct BandJson {
+    wavelength_nm: f64,
+    total: f64,
+    brightest_pixel: f64,
+    outside: f64,
+    fwhm_arcsec: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct MaterialJson<'a> {
+    name: &'a str,
+    seen_m2: f64,
+}
+
+#[derive(Serialize)]
+struct PictureJson<'a> {
+    title: &'a str,
+    target: &'a str,
+    time_utc: Option<String>,
+    range_m: Option<f64>,
+    phase_deg: f64,
+    sun_body: [f64; 3],
+    observer_body: [f64; 3],
+    up: &'a str,
+    size_px: [usize; 2],
+    pixel_m: f64,
+    unit: &'a str,
+    bands: Vec<BandJson>,
+    materials: Vec<MaterialJson<'a>>,
+    depth_m: DepthJson,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct DepthJson {
+    from: Option<f64>,
+    to: Option<f64>,
 }
 
 impl PictureReport<'_> {
@@ -104,42 +145,43 @@ impl PictureReport<'_> {
 
     fn json(&self) -> Value {
         let (shot, aim) = (self.shot, self.shot.aim);
-        let bands: Vec<Value> = self
+        let bands: Vec<_> = self
             .bands()
-            .map(|band| {
-                json!({
-                    "wavelength_nm": shot.bands_nm[band],
-                    "total": rounded(shot.totals[band]),
-                    "brightest_pixel": rounded(self.most(band)),
-                    "outside": rounded(shot.lost(band)),
-                    "fwhm_arcsec": shot.optics.fwhm_arcsec.get(band).map(|f| rounded(*f)),
-                })
+            .map(|band| BandJson {
+                wavelength_nm: shot.bands_nm[band],
+                total: rounded(shot.totals[band]),
+                brightest_pixel: rounded(self.most(band)),
+                outside: rounded(shot.lost(band)),
+                fwhm_arcsec: shot.optics.fwhm_arcsec.get(band).map(|f| rounded(*f)),
             })
             .collect();
-        let materials: Vec<Value> = aim
+        let materials: Vec<_> = aim
             .target
             .materials
             .iter()
             .enumerate()
-            .map(|(k, m)| json!({ "name": m.name, "seen_m2": rounded(self.seen_m2(k)) }))
+            .map(|(k, m)| MaterialJson { name: &m.name, seen_m2: rounded(self.seen_m2(k)) })
             .collect();
         let depths = depths(shot);
-        json!({
-            "title": aim.title,
-            "target": aim.target.name,
-            "time_utc": aim.time.map(format_utc_shortest),
-            "range_m": aim.range_m.map(rounded),
-            "phase_deg": rounded(aim.phase_deg()),
-            "sun_body": aim.sun_body.to_array().map(rounded),
-            "observer_body": aim.observer_body.to_array().map(rounded),
-            "up": aim.up_name,
-            "size_px": shot.camera.size_px,
-            "pixel_m": rounded(shot.camera.pixel_m),
-            "unit": shot.unit(),
-            "bands": bands,
-            "materials": materials,
-            "depth_m": { "from": depths.clone().map(|d| rounded(d.start)), "to": depths.map(|d| rounded(d.end)) },
-            "warnings": aim.warnings,
+        json_of(&PictureJson {
+            title: &aim.title,
+            target: &aim.target.name,
+            time_utc: aim.time.map(format_utc_shortest),
+            range_m: aim.range_m.map(rounded),
+            phase_deg: rounded(aim.phase_deg()),
+            sun_body: aim.sun_body.to_array().map(rounded),
+            observer_body: aim.observer_body.to_array().map(rounded),
+            up: aim.up_name,
+            size_px: shot.camera.size_px,
+            pixel_m: rounded(shot.camera.pixel_m),
+            unit: shot.unit(),
+            bands,
+            materials,
+            depth_m: DepthJson {
+                from: depths.clone().map(|d| rounded(d.start)),
+                to: depths.map(|d| rounded(d.end)),
+            },
+            warnings: &aim.warnings,
         })
     }
 }

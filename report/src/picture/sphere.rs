@@ -1,20 +1,34 @@
 //! Reflection of a sphere against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
 
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series};
-use crate::{Product, rounded};
-use serde_json::json;
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
 use sunglint_formats::{Column, Table};
 use sunglint_simulator::picture::spheres::{STEP_DEG, SphereRatio};
+
+#[derive(Serialize)]
+struct SphereJson<'a> {
+    name: &'a str,
+    at_0_deg: f64,
+    at_90_deg: f64,
+}
+
+#[derive(Serialize)]
+struct SpheresJson<'a> {
+    title: &'a str,
+    unit: &'a str,
+    spheres: Vec<SphereJson<'a>>,
+}
 
 /// All forms of the curves, and the text.
 pub fn product(spheres: &[SphereRatio]) -> (Product, String) {
     let phases: Vec<f64> = (0..=(180.0 / STEP_DEG) as usize).map(|i| i as f64 * STEP_DEG).collect();
     let mut table = Table::default();
     let title = "What a sphere of reflectance 1 sends to the observer";
-    table.meta.insert("title".into(), json!(title));
+    table.meta.insert("title".into(), json_of(&title));
     table.meta.insert(
         "comments".into(),
-        json!(["intensity over irradiance and cross-section, I/(E pi R^2), sr^-1; collimated light scattered once; Beckmann with separable masking of Smith"]),
+        json_of(&["intensity over irradiance and cross-section, I/(E pi R^2), sr^-1; collimated light scattered once; Beckmann with separable masking of Smith"]),
     );
     table.columns.push(Column::f64("phase_deg", Some("deg"), phases.clone()));
     let mut series = Vec::new();
@@ -39,9 +53,7 @@ pub fn product(spheres: &[SphereRatio]) -> (Product, String) {
         } else {
             line
         });
-        list.push(
-            json!({ "name": name, "at_0_deg": rounded(at(0.0)), "at_90_deg": rounded(at(90.0)) }),
-        );
+        list.push(SphereJson { name, at_0_deg: rounded(at(0.0)), at_90_deg: rounded(at(90.0)) });
         let described = format!("{name}: I/(E pi R^2)").replace('α', "alpha");
         table
             .columns
@@ -58,7 +70,7 @@ pub fn product(spheres: &[SphereRatio]) -> (Product, String) {
         name: "sphere".into(),
         table,
         figure: Some(figure),
-        json: json!({ "title": title, "unit": "1 / sr", "spheres": list }),
+        json: json_of(&SpheresJson { title, unit: "1 / sr", spheres: list }),
         ..Product::default()
     };
     (product, text)

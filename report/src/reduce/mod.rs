@@ -2,9 +2,10 @@
 
 pub(crate) mod figure;
 
-use crate::{Product, rounded};
+use crate::{Product, json_of, rounded};
 use hifitime::Epoch;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_calibration::reduction::frames::CameraNight;
@@ -332,72 +333,134 @@ pub fn table(visits: &[VisitLine]) -> Table {
     Table { columns, ..Table::default() }
 }
 
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    samples: u64,
+    with_rate: u64,
+    clean: u64,
+    median_rate_hz: Option<f64>,
+    flags: &'a BTreeMap<String, u64>,
+}
+
+#[derive(Serialize)]
+struct VisitJson<'a> {
+    target: &'a str,
+    visit: u32,
+    file: String,
+    from_utc: String,
+    to_utc: String,
+    channels: Vec<ChannelJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct CameraJson<'a> {
+    name: &'a str,
+    frames: u64,
+    outside: u64,
+    partly: u64,
+    fwhm_px: [f64; 2],
+    aperture_px: [f64; 3],
+    smallest_aperture_px: f64,
+    undetected: u64,
+    ambiguous: u64,
+    crowded: u64,
+    failed: usize,
+    settings: usize,
+    dark_frames: usize,
+    other_dark_frames: usize,
+    bias_frames: usize,
+    flats: usize,
+    other_flats: usize,
+    refused_calibration_frames: usize,
+    without_light: u64,
+    shared: u64,
+    bad_pixels: usize,
+}
+
+#[derive(Serialize)]
+struct CounterJson<'a> {
+    name: &'a str,
+    bins: u64,
+    outside: u64,
+    overlapping: u64,
+    off_target_pieces: usize,
+    torn_bytes: u64,
+    tags: Option<TagsJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct ReducedJson<'a> {
+    session: &'a str,
+    station: &'a str,
+    visits: Vec<VisitJson<'a>>,
+    cameras: Vec<CameraJson<'a>>,
+    counters: Vec<CounterJson<'a>>,
+    warnings: &'a [String],
+}
+
 /// The reduction as a JSON document.
 pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> Value {
     let visits = visits.iter().map(|visit| {
-        let channels = visit.channels.iter().map(|line| {
-            json!({
-                "name": line.name,
-                "samples": line.samples,
-                "with_rate": line.with_rate,
-                "clean": line.clean,
-                "median_rate_hz": line.median_hz.map(rounded),
-                "flags": line.flags,
-            })
+        let channels = visit.channels.iter().map(|line| ChannelJson {
+            name: &line.name,
+            samples: line.samples,
+            with_rate: line.with_rate,
+            clean: line.clean,
+            median_rate_hz: line.median_hz.map(rounded),
+            flags: &line.flags,
         });
-        json!({
-            "target": visit.stay.target.name,
-            "visit": visit.stay.number,
-            "file": format!("{}.ecsv", visit.stay.file_name()),
-            "from_utc": format_utc_shortest(visit.stay.from),
-            "to_utc": format_utc_shortest(visit.stay.to),
-            "channels": channels.collect::<Vec<_>>(),
-        })
+        VisitJson {
+            target: &visit.stay.target.name,
+            visit: visit.stay.number,
+            file: format!("{}.ecsv", visit.stay.file_name()),
+            from_utc: format_utc_shortest(visit.stay.from),
+            to_utc: format_utc_shortest(visit.stay.to),
+            channels: channels.collect(),
+        }
     });
     let cameras = night.cameras.iter().map(|camera| {
         let tally = &camera.tally;
-        json!({
-            "name": camera.camera,
-            "frames": tally.frames,
-            "outside": camera.outside,
-            "partly": camera.partly,
-            "fwhm_px": fwhm_range(camera).map(rounded),
-            "aperture_px": camera.aperture_px.map(rounded),
-            "smallest_aperture_px": rounded(camera.smallest_aperture_px),
-            "undetected": tally.undetected,
-            "ambiguous": tally.ambiguous,
-            "crowded": tally.crowded,
-            "failed": camera.failed.len(),
-            "settings": camera.settings,
-            "dark_frames": camera.sensor.darks[0],
-            "other_dark_frames": camera.sensor.darks[1],
-            "bias_frames": camera.sensor.bias,
-            "flats": camera.sensor.flats[0],
-            "other_flats": camera.sensor.flats[1],
-            "refused_calibration_frames": camera.sensor.refused,
-            "without_light": camera.without_light,
-            "shared": camera.shared,
-            "bad_pixels": camera.bad_pixels,
-        })
+        CameraJson {
+            name: &camera.camera,
+            frames: tally.frames,
+            outside: camera.outside,
+            partly: camera.partly,
+            fwhm_px: fwhm_range(camera).map(rounded),
+            aperture_px: camera.aperture_px.map(rounded),
+            smallest_aperture_px: rounded(camera.smallest_aperture_px),
+            undetected: tally.undetected,
+            ambiguous: tally.ambiguous,
+            crowded: tally.crowded,
+            failed: camera.failed.len(),
+            settings: camera.settings,
+            dark_frames: camera.sensor.darks[0],
+            other_dark_frames: camera.sensor.darks[1],
+            bias_frames: camera.sensor.bias,
+            flats: camera.sensor.flats[0],
+            other_flats: camera.sensor.flats[1],
+            refused_calibration_frames: camera.sensor.refused,
+            without_light: camera.without_light,
+            shared: camera.shared,
+            bad_pixels: camera.bad_pixels,
+        }
     });
-    let counters = night.counters.iter().map(|counter| {
-        json!({
-            "name": counter.counter,
-            "bins": counter.summary.bins,
-            "outside": counter.summary.outside,
-            "overlapping": counter.summary.overlapping,
-            "off_target_pieces": counter.off.pieces().len(),
-            "torn_bytes": counter.torn_bytes,
-            "tags": counter.tags.as_ref().map(tags_json),
-        })
+    let counters = night.counters.iter().map(|counter| CounterJson {
+        name: &counter.counter,
+        bins: counter.summary.bins,
+        outside: counter.summary.outside,
+        overlapping: counter.summary.overlapping,
+        off_target_pieces: counter.off.pieces().len(),
+        torn_bytes: counter.torn_bytes,
+        tags: counter.tags.as_ref().map(tags_json),
     });
-    json!({
-        "session": session,
-        "station": station,
-        "visits": visits.collect::<Vec<_>>(),
-        "cameras": cameras.collect::<Vec<_>>(),
-        "counters": counters.collect::<Vec<_>>(),
-        "warnings": night.warnings,
+    json_of(&ReducedJson {
+        session,
+        station,
+        visits: visits.collect(),
+        cameras: cameras.collect(),
+        counters: counters.collect(),
+        warnings: &night.warnings,
     })
 }
 
@@ -415,18 +478,33 @@ fn tags_text(tags: &TagSummary) -> String {
     )
 }
 
-fn tags_json(tags: &TagSummary) -> Value {
-    json!({
-        "records": tags.records,
-        "torn_bytes": tags.cut[0],
-        "zero_records": tags.cut[1],
-        "stretches": tags.stretches[0],
-        "unused_stretches": tags.stretches[1],
-        "bins_used": tags.used,
-        "bins_differ": tags.differ,
-        "bins_beyond": tags.beyond,
-        "bins_incomplete": tags.incomplete,
-        "bins_distrusted": tags.distrusted,
-        "channels_without": tags.without,
-    })
+#[derive(Serialize)]
+struct TagsJson<'a> {
+    records: u64,
+    torn_bytes: u64,
+    zero_records: u64,
+    stretches: usize,
+    unused_stretches: usize,
+    bins_used: u64,
+    bins_differ: u64,
+    bins_beyond: u64,
+    bins_incomplete: u64,
+    bins_distrusted: u64,
+    channels_without: &'a [String],
+}
+
+fn tags_json(tags: &TagSummary) -> TagsJson<'_> {
+    TagsJson {
+        records: tags.records,
+        torn_bytes: tags.cut[0],
+        zero_records: tags.cut[1],
+        stretches: tags.stretches[0],
+        unused_stretches: tags.stretches[1],
+        bins_used: tags.used,
+        bins_differ: tags.differ,
+        bins_beyond: tags.beyond,
+        bins_incomplete: tags.incomplete,
+        bins_distrusted: tags.distrusted,
+        channels_without: &tags.without,
+    }
 }

@@ -2,8 +2,9 @@
 
 mod figure;
 
-use crate::Product;
-use serde_json::{Value, json};
+use crate::{Product, json_of};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::tables::Embedded;
@@ -39,6 +40,25 @@ pub struct Description {
     sha256: String,
 }
 
+#[derive(Serialize)]
+struct DescriptionJson<'a> {
+    name: &'a str,
+    title: &'a str,
+    rows: usize,
+    range: Option<RangeJson<'a>>,
+    source: &'a str,
+    licence: &'a str,
+    note: &'a str,
+    sha256: &'a str,
+}
+
+#[derive(Serialize)]
+struct RangeJson<'a> {
+    column: &'a str,
+    from: f64,
+    to: f64,
+}
+
 impl Description {
     /// Describes an embedded table.
     pub fn of(embedded: &Embedded) -> Self {
@@ -58,10 +78,19 @@ impl Description {
 
     /// Summary with its documented keys.
     pub fn json(&self) -> Value {
-        json!({
-            "name": self.name, "title": self.title, "rows": self.rows,
-            "range": self.range.as_ref().map(|(column, from, to)| json!({"column": column, "from": from, "to": to})),
-            "source": self.source, "licence": self.licence, "note": self.note, "sha256": self.sha256,
+        json_of(&DescriptionJson {
+            name: self.name,
+            title: &self.title,
+            rows: self.rows,
+            range: self.range.as_ref().map(|(column, from, to)| RangeJson {
+                column,
+                from: *from,
+                to: *to,
+            }),
+            source: &self.source,
+            licence: &self.licence,
+            note: &self.note,
+            sha256: &self.sha256,
         })
     }
 
@@ -151,6 +180,11 @@ fn range(column: &Column) -> Option<(String, f64, f64)> {
     (lo <= hi).then(|| (column.name.clone(), lo, hi))
 }
 
+#[derive(Serialize)]
+struct TablesJson {
+    tables: Vec<Value>,
+}
+
 /// List of tables in all its forms.
 pub fn list(rows: &[Description]) -> Product {
     let column = |name: &str, get: &dyn Fn(&Description) -> String| {
@@ -174,7 +208,7 @@ pub fn list(rows: &[Description]) -> Product {
         ],
         ..Table::default()
     };
-    let json = json!({ "tables": rows.iter().map(Description::json).collect::<Vec<_>>() });
+    let json = json_of(&TablesJson { tables: rows.iter().map(Description::json).collect() });
     Product { name: "tables".into(), table, figure: None, json, ..Product::default() }
 }
 

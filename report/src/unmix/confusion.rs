@@ -1,8 +1,9 @@
 //! Report of the confusion of materials.
 
 use crate::plot::{Axis, Heat, Panel};
-use crate::rounded;
-use serde_json::{Value, json};
+use crate::{json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_inference::unmix::MaterialConfusion;
 
@@ -29,17 +30,26 @@ pub(super) fn text(told: &MaterialConfusion) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct ConfusionJson<'a> {
+    materials: &'a [String],
+    matrix: Vec<Vec<f64>>,
+    worst: f64,
+    samples: usize,
+    left_out_samples: usize,
+    other_light: f64,
+}
+
 /// Summary with its documented keys.
 pub(super) fn json(told: &MaterialConfusion) -> Value {
-    let number = |v: &f64| if v.is_finite() { json!(rounded(*v)) } else { Value::Null };
     let rows = told.confusion.matrix.rows().into_iter();
-    json!({
-        "materials": told.names,
-        "matrix": rows.map(|r| r.iter().map(number).collect::<Vec<_>>()).collect::<Vec<_>>(),
-        "worst": number(&told.confusion.worst()),
-        "samples": told.confusion.samples,
-        "left_out_samples": told.confusion.left_out,
-        "other_light": rounded(told.others),
+    json_of(&ConfusionJson {
+        materials: &told.names,
+        matrix: rows.map(|r| r.iter().map(|v| rounded(*v)).collect::<Vec<_>>()).collect(),
+        worst: rounded(told.confusion.worst()),
+        samples: told.confusion.samples,
+        left_out_samples: told.confusion.left_out,
+        other_light: rounded(told.others),
     })
 }
 

@@ -3,8 +3,9 @@
 mod confusion;
 
 use crate::plot::{Axis, Figure, Panel, Series, Style};
-use crate::{Product, rounded};
-use serde_json::{Value, json};
+use crate::{Product, json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::{Mixture, State, Unmixed, column_name, reasons};
 use sunglint_formats::flag_bits::bit_names;
@@ -13,6 +14,7 @@ use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_inference::unmix::UnmixedCurve;
 use sunglint_numerics::order;
+use sunglint_radiometry::light_curve::Input;
 
 /// The median of what is finite; NaN of nothing.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -42,16 +44,29 @@ pub fn product(unmixed: &UnmixedCurve) -> Product {
     }
 }
 
+#[derive(Serialize)]
+struct Provenance<'a> {
+    program: &'a str,
+    command: &'a str,
+    target: &'a str,
+    inputs: &'a [Input],
+}
+
 /// Table with a row for each sample.
 pub fn table(unmixed: &UnmixedCurve) -> Table {
     let mut table = Table::default();
-    table.meta.insert("title".into(), json!(title(unmixed)));
-    table.meta.insert("endmembers".into(), json!(unmixed.bands.endmembers));
+    table.meta.insert("title".into(), title(unmixed).into());
+    table.meta.insert("endmembers".into(), json_of(&unmixed.bands.endmembers));
     table.meta.insert("state_bits".into(), bit_names::<State>());
     table.meta.insert(
-            "provenance".into(),
-            json!({"program": concat!("sunglint ", env!("CARGO_PKG_VERSION")), "command": "sunglint analyse unmix", "target": unmixed.target, "inputs": unmixed.inputs}),
-        );
+        "provenance".into(),
+        json_of(&Provenance {
+            program: concat!("sunglint ", env!("CARGO_PKG_VERSION")),
+            command: "sunglint analyse unmix",
+            target: &unmixed.target,
+            inputs: &unmixed.inputs,
+        }),
+    );
     let times = unmixed.time.iter().map(|t| format_utc_shortest(*t)).collect();
     table.columns.push(Column::text("time_utc", times));
     let number = |of: &dyn Fn(&Unmixed) -> f64| unmixed.found.iter().map(of).collect::<Vec<_>>();
@@ -184,41 +199,82 @@ pub fn text(unmixed: &UnmixedCurve) -> String {
     text
 }
 
+#[derive(Serialize)]
+struct EndmemberJson<'a> {
+    name: &'a str,
+    mean_share: f64,
+    median_share_sigma: f64,
+    largest_weight: f64,
+    bounded_samples: usize,
+}
+
+#[derive(Serialize)]
+struct UnmixedJson<'a> {
+    target: &'a str,
+    samples: usize,
+    unmixed_samples: usize,
+    bands: usize,
+    weight_unit: &'a str,
+    endmembers: Vec<EndmemberJson<'a>>,
+    condition: f64,
+    rank: usize,
+    nearest: Option<NearestPair>,
+    median_residual_relative: f64,
+    without_weights: WithoutWeights,
+    confusion: Option<Value>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct NearestPair {
+    pair: [String; 2],
+    angle_deg: f64,
+}
+
+#[derive(Serialize)]
+struct WithoutWeights {
+    no_data: usize,
+    below_horizon: usize,
+    alike: usize,
+    not_unique: usize,
+}
+
 /// Summary with its documented keys.
 pub fn json(unmixed: &UnmixedCurve) -> Value {
-    let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
-    let endmember = |(m, name): (usize, &String)| {
+    let endmembers = unmixed.bands.endmembers.iter().enumerate().map(|(m, name)| {
         let (mean, sigma, most, bounded) = summary(unmixed, m);
-        json!({
-            "name": name, "mean_share": number(mean), "median_share_sigma": number(sigma),
-            "largest_weight": number(most), "bounded_samples": bounded,
-        })
-    };
-    let endmembers: Vec<Value> =
-        unmixed.bands.endmembers.iter().enumerate().map(endmember).collect();
+        EndmemberJson {
+            name,
+            mean_share: rounded(mean),
+            median_share_sigma: rounded(sigma),
+            largest_weight: rounded(most),
+            bounded_samples: bounded,
+        }
+    });
     let count = |state: State| {
         unmixed.found.iter().filter(|u| u.mixture.is_none() && u.state.contains(state)).count()
     };
-    json!({
-        "target": unmixed.target,
-        "samples": unmixed.found.len(),
-        "unmixed_samples": mixtures(unmixed).count(),
-        "bands": unmixed.bands.names.len(),
-        "weight_unit": unit(unmixed),
-        "endmembers": endmembers,
-        "condition": number(unmixed.mixing.condition),
-        "rank": unmixed.mixing.rank,
-        "nearest": unmixed.mixing.nearest.as_ref().map(|t| json!({
-            "pair": t.pair.map(|k| unmixed.bands.endmembers[k].clone()), "angle_deg": rounded(t.angle_rad.to_degrees()),
-        })),
-        "median_residual_relative": number(median(mixtures(unmixed).map(|x| x.residual_relative))),
-        "without_weights": {
-            "no_data": count(State::NO_DATA),
-            "below_horizon": count(State::BELOW_HORIZON),
-            "alike": count(State::ALIKE),
-            "not_unique": count(State::NOT_UNIQUE),
+    json_of(&UnmixedJson {
+        target: &unmixed.target,
+        samples: unmixed.found.len(),
+        unmixed_samples: mixtures(unmixed).count(),
+        bands: unmixed.bands.names.len(),
+        weight_unit: unit(unmixed),
+        endmembers: endmembers.collect(),
+        condition: rounded(unmixed.mixing.condition),
+        rank: unmixed.mixing.rank,
+        nearest: unmixed.mixing.nearest.as_ref().map(|t| NearestPair {
+            pair: t.pair.map(|k| unmixed.bands.endmembers[k].clone()),
+            angle_deg: rounded(t.angle_rad.to_degrees()),
+        }),
+        median_residual_relative: rounded(median(mixtures(unmixed).map(|x| x.residual_relative))),
+        without_weights: WithoutWeights {
+            no_data: count(State::NO_DATA),
+            below_horizon: count(State::BELOW_HORIZON),
+            alike: count(State::ALIKE),
+            not_unique: count(State::NOT_UNIQUE),
         },
-        "confusion": unmixed.confusion.as_ref().map(confusion::json),
-        "warnings": unmixed.warnings,
+        confusion: unmixed.confusion.as_ref().map(confusion::json),
+        warnings: &unmixed.warnings,
     })
 }
