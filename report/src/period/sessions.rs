@@ -1,7 +1,7 @@
 //! The period of several sessions with a zero point each: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series as Line, Span};
-use crate::{Product, inputs, json_of};
+use crate::{Product, inputs};
 use plotters::style::RGBColor;
 use serde_json::Value;
 use std::fmt::Write as _;
