@@ -96,7 +96,7 @@ pub struct GotoArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What keeps the mount safe.
+    /// Limits that keep the mount safe.
     #[command(flatten)]
     pub safe: MountArgs,
     /// Where the result goes.

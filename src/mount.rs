@@ -1,4 +1,4 @@
-//! What keeps a mount safe: arguments that all commands have which move one, and how they open it.
+//! Limits that keep a mount safe: arguments that all commands have which move one, and how they open it.
 
 use crate::output::{Console, Usage};
 use anyhow::{Context as _, anyhow, bail};
@@ -24,7 +24,7 @@ pub enum AxesArg {
     Altaz,
 }
 
-/// What keeps a mount safe, and facts about it that its driver does not tell.
+/// Limits that keep a mount safe, and facts about it that its driver does not tell.
 #[derive(Debug, Args)]
 pub struct MountArgs {
     /// Lowest altitude, degrees; the station's horizon may ask for more [default: 10; of `pointing` 20]
@@ -99,7 +99,7 @@ impl MountArgs {
         Ok(mount)
     }
 
-    /// What keeps a mount of a station off the Sun and the ground.
+    /// Limits that keep a mount of a station off the Sun and the ground.
     pub(crate) fn guard(
         &self,
         lowest_deg: f64,

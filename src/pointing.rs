@@ -59,7 +59,7 @@ pub struct PointingArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What keeps the mount safe.
+    /// Limits that keep the mount safe.
     #[command(flatten)]
     pub safe: MountArgs,
     /// Write the model to this file too: for `goto --pointing`, `track --pointing` and `pointing` of a plan's `[mount]`

@@ -67,7 +67,7 @@ pub struct TrackArgs {
     /// Speed of the mount's slews, degrees a second: how far ahead of the target it is sent when it is turned over; without it that of its rates, 2 at least
     #[arg(long, value_name = "DEG_S")]
     pub slew_deg_s: Option<f64>,
-    /// What keeps the mount safe.
+    /// Limits that keep the mount safe.
     #[command(flatten)]
     pub safe: MountArgs,
     /// How much later than predicted the target comes, s

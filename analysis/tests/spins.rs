@@ -225,7 +225,7 @@ fn fitted(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<(DVector<f64>, D
     Some((x, inverse * noise, squares))
 }
 
-/// What the oracle reads off a pass; `None` where it shows less than a turn.
+/// Timing that the oracle reads off a pass; `None` where it shows less than a turn.
 fn timing(body: &Tumbler, pass: &SpinPass, longitude: &dyn Fn(f64) -> f64) -> Option<Timing> {
     let series = &pass.series[0];
     let (first, last) = (series.time_s[0], *series.time_s.last()?);

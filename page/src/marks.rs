@@ -8,12 +8,15 @@ use sunglint_calibration::photometry::{
 };
 use sunglint_calibration::reduction::frames::FrameOptions;
 use sunglint_formats::Frame;
+use sunglint_formats::fits::Header;
 use sunglint_observatory::focus::star::sharpness;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::Station;
 
 /// Sources of a frame that are shown at most.
 const SOURCES: usize = 500;
+/// Rows and columns of a frame in which its half-flux radius is looked for, at most.
+const SHARP_PX: usize = 1024;
 
 /// Target of a frame, as the reduction would measure it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -141,7 +144,11 @@ pub(crate) fn marks(
     let (rows, columns) = frame.pixels.dim();
     Ok(MarksView {
         sharp: more.sharpness,
-        hfr_px: more.sharpness.then(|| sharpness(frame)).flatten().map(|found| found.hfr_px),
+        hfr_px: more
+            .sharpness
+            .then(|| sharpness(&middle(frame)))
+            .flatten()
+            .map(|found| found.hfr_px),
         expected_px: [columns, rows].map(|n| 0.5 * (n as f64 - 1.0)),
         sources,
         start_s: (frame.start - start).to_seconds(),
@@ -176,6 +183,21 @@ pub(crate) struct Look {
     pub sharp: bool,
     /// Background of a pixel, ADU, of the first colour.
     pub background_adu: Option<f64>,
+}
+
+/// The middle of a frame, as much of it as the half-flux radius is looked for in: a large frame would take seconds and hundreds of megabytes.
+fn middle(frame: &Frame) -> Frame {
+    let (rows, columns) = frame.pixels.dim();
+    // An even first pixel keeps the mosaic.
+    let cut = |n: usize| {
+        let first = (n.saturating_sub(SHARP_PX) / 2) & !1;
+        first..n.min(first + SHARP_PX)
+    };
+    Frame {
+        pixels: frame.pixels.slice(ndarray::s![cut(rows), cut(columns)]).to_owned(),
+        header: Header::default(),
+        ..*frame
+    }
 }
 
 /// Names of flags.

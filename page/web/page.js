@@ -506,7 +506,7 @@ function drawSources(c, sources, place, each, em, red) {
     c.strokeStyle = colours[kind];
     c.beginPath();
     if (kind === "point") c.rect(x - r, y - r, 2 * r, 2 * r);
-    else if (kind === "streak") { const [dx, dy] = trail_px.map((v) => v / each / 2); const more = Math.max(1, em / Math.hypot(dx, dy)); c.moveTo(x - dx * more, y - dy * more); c.lineTo(x + dx * more, y + dy * more); }
+    else if (kind === "streak") { const [dx, dy] = trail_px.map((v) => v / each / 2); const long = Math.hypot(dx, dy), more = long ? Math.max(1, em / long) : 0; c.moveTo(x - dx * more, y - dy * more); c.lineTo(x + dx * more, y + dy * more); }
     else if (kind === "sharp") { c.moveTo(x - r / 2, y - r / 2); c.lineTo(x + r / 2, y + r / 2); c.moveTo(x - r / 2, y + r / 2); c.lineTo(x + r / 2, y - r / 2); }
     else c.arc(x, y, r / 2, 0, 7);
     c.stroke();
@@ -2379,7 +2379,7 @@ function wire() {
   system.addEventListener("change", () => { develop(); paintTheme(); });
   $("stretch").addEventListener("change", () => { develop(); frameText(); redraw("image"); });
   $("marks").addEventListener("change", () => { redraw("image"); if ($("marks").checked && S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
-  $("sources").addEventListener("change", () => { redraw("image"); if (S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
+  $("sources").addEventListener("change", () => { if ($("sources").checked) $("marks").checked = true; redraw("image"); if (S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));

@@ -14,7 +14,7 @@ use sunglint_formats::{Column, Table};
 
 const DAY_S: f64 = 86_400.0;
 
-/// What would choose between once and twice a turn, where the shape is known.
+/// Advice where the shape would choose between once and twice a turn.
 const ADVICE: &str =
     "if the body is long and tumbles across its length (a rocket's stage), say --body long";
 
@@ -23,7 +23,7 @@ const ADVICE: &str =
 pub struct SpinReport<'a> {
     /// The spin.
     pub found: &'a SpinFound,
-    /// What was known of the body.
+    /// Knowledge of the body.
     pub body: Body,
     /// The curves.
     pub curves: &'a Curves,
@@ -78,7 +78,11 @@ impl SpinReport<'_> {
             self.say(spin, &mut text);
         }
         let _ = match (self.body, found.even_share) {
-            (_, None) => Ok(()),
+            (Body::Any, None) => Ok(()),
+            (Body::Long, None) => writeln!(
+                text,
+                "shape     a long body (--body long): no pass bears two harmonics, so that this says nothing here"
+            ),
             (Body::Any, Some(even)) => writeln!(
                 text,
                 "shape     even harmonics have {:.0} % of the variation; {ADVICE}",

@@ -32,7 +32,7 @@ pub struct SpinArgs {
     /// Standard deviation of the drift that is to be expected, as a share of the period a day
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, allow_negative_numbers = true)]
     pub drift: f64,
-    /// What is known of the body: `long` if it is a rocket's stage or otherwise long and tumbles across its length, so that it shows two maxima a turn
+    /// Shape of the body, where it is known: `long` if it is a rocket's stage or otherwise long and tumbles across its length, so that it shows two maxima a turn
     #[arg(long, value_enum, default_value_t = BodyKind::Any)]
     pub body: BodyKind,
     /// Where the result goes.
@@ -40,7 +40,7 @@ pub struct SpinArgs {
     pub out: OutputArgs,
 }
 
-/// What is known of a body.
+/// Knowledge of a body's shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BodyKind {
     /// Nothing

@@ -9,7 +9,7 @@ pub struct SkyLevel {
     pub time: Epoch,
     /// Brightness of a pixel, the planes' together, ADU/s.
     pub level: f64,
-    /// Its standard error, ADU/s.
+    /// Standard error of the level, ADU/s.
     pub sigma: f64,
     /// Number of the camera's setting: levels of different settings are not compared.
     pub setting: usize,
@@ -34,7 +34,7 @@ const MOMENTS: u32 = 5;
 /// The sky in the frames of a night.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SkyLevels {
-    /// Of each setting, those of the most frames first, in the order of time.
+    /// Levels of each setting, those of the most frames first, in the order of time.
     settings: Vec<Vec<SkyLevel>>,
 }
 

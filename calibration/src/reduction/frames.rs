@@ -486,7 +486,7 @@ pub fn camera_night(
         night.shown[stay].sort_by_key(|shown| shown.measured.time);
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
-    beside_targets(&files, &stay_of, stays, &reducers, &mut night);
+    beside_targets((&files, reads), &stay_of, stays, &reducers, &mut night);
     reducers.finish(&mut night);
     let aperture_px = options.aperture_radius_px;
     let used = apertures.used_px.unwrap_or(Interval { low: aperture_px, high: aperture_px });
@@ -519,7 +519,7 @@ const BESIDE_S: f64 = 1800.0;
 
 /// The sky in the frames beside targets, where the target of the nearest stay stood: there the sensor's response is the same.
 fn beside_targets(
-    files: &[FrameFile],
+    (files, reads): (&[FrameFile], Reads<'_>),
     stay_of: &[Option<usize>],
     stays: &[Stay],
     reducers: &Reducers<'_>,
@@ -546,7 +546,7 @@ fn beside_targets(
         .filter_map(|(file, stay)| Some((file, of_stays[(*stay)?]?)))
         .collect();
     let level = |(file, offset_px): &(&FrameFile, [f64; 2])| {
-        let frame = file.read().ok()?;
+        let frame = reads.read(file).ok()?;
         let taken = Taken::of(&frame);
         let held = reducers.held.iter().find(|held| held.taken.is_like(&taken))?;
         let placed = Placed { sensor_px: reducers.options.sensor_px, frame: &frame };

@@ -10,7 +10,7 @@ use sunglint_formats::{FileError, Frame};
 /// Frames as they were read. A frame whose file has changed since is read again.
 #[derive(Debug)]
 pub struct HeldFrames {
-    /// Pixels that are held at most, bytes.
+    /// Memory that frames take at most, bytes.
     most_bytes: usize,
     held: Mutex<Held>,
 }
@@ -21,12 +21,34 @@ struct Held {
     bytes: usize,
 }
 
-/// Signs of a file by which a change is seen: its length, and when it was written last.
+/// Signs of a file by which a change is seen: length, time of the last write, and on Unix its number and when anything of it changed: who keeps the time of a file that is mended keeps neither.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Stamp(u64, SystemTime);
+struct Stamp(u64, SystemTime, [i64; 3]);
+
+impl Stamp {
+    fn of(file: &std::fs::Metadata) -> std::io::Result<Self> {
+        #[cfg(unix)]
+        let signs = {
+            use std::os::unix::fs::MetadataExt as _;
+            [file.ino().cast_signed(), file.ctime(), file.ctime_nsec()]
+        };
+        #[cfg(not(unix))]
+        let signs = [0; 3];
+        Ok(Self(file.len(), file.modified()?, signs))
+    }
+}
+
+/// Bytes that a frame takes beside its pixels and for each of its header's cards, about.
+const FRAME_BYTES: usize = 512;
+const CARD_BYTES: usize = 256;
+
+/// Memory that a frame takes, about.
+fn bytes(frame: &Frame) -> usize {
+    frame.pixels.len() * size_of::<u16>() + frame.header.cards.len() * CARD_BYTES + FRAME_BYTES
+}
 
 impl HeldFrames {
-    /// Holds no frame yet, and at most so many bytes of pixels.
+    /// Holds no frame yet, and at most so many bytes.
     pub fn new(most_bytes: usize) -> Self {
         Self { most_bytes, held: Mutex::default() }
     }
@@ -48,15 +70,13 @@ impl HeldFrames {
     pub fn read(&self, file: &FrameFile) -> Result<Frame, FileError> {
         let held = || self.held.lock().unwrap_or_else(PoisonError::into_inner);
         // A file that cannot be looked at tells why when it is read.
-        let stamp =
-            std::fs::metadata(&file.path).and_then(|of| Ok(Stamp(of.len(), of.modified()?)));
+        let stamp = std::fs::metadata(&file.path).and_then(|of| Stamp::of(&of));
         let Ok(stamp) = stamp else { return file.read() };
         let known = held().frames.get(&file.path).filter(|(of, _)| *of == stamp).cloned();
         if let Some((_, frame)) = known {
             return Ok(Frame::clone(&frame));
         }
         let frame = file.read()?;
-        let bytes = |frame: &Frame| frame.pixels.len() * size_of::<u16>();
         let mut held = held();
         if let Some((_, old)) = held.frames.remove(&file.path) {
             held.bytes -= bytes(&old);
@@ -108,13 +128,14 @@ mod tests {
         FrameFile { sequence: number.into(), path }
     }
 
-    /// Truth: by hand: the values that were written; a file that was written anew is read anew, one that is gone is an error; of 200 bytes of pixels each two fit into 500.
+    /// Truth: by hand: the values that were written; a file that was written anew is read anew, one that is gone is an error; two fit into two and a half times the memory of one.
     #[test]
     fn frames_are_held_as_long_as_their_files_stay() {
         let folder = std::env::temp_dir().join(format!("sunglint-held-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let files = [1, 2, 3].map(|number| write(&folder, number, 100 * number));
-        let held = HeldFrames::new(500);
+        let one = bytes(&files[0].read().unwrap());
+        let held = HeldFrames::new(2 * one + one / 2);
         for _ in 0..2 {
             for (i, file) in files.iter().enumerate() {
                 let frame = held.read(file).unwrap();

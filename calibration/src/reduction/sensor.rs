@@ -17,6 +17,8 @@ use sunglint_formats::{FileError, Frame};
 const MOST: usize = 64;
 /// Files of one kind that are looked at.
 const MOST_FILES: usize = 1024;
+/// Files whose setting is looked at side by side.
+const SIDE_BY_SIDE: usize = 8;
 /// Fewer frames make neither mask nor dark nor flat.
 const LEAST: usize = 3;
 /// A pixel this many standard deviations of the dark frames' distribution off it is bad (thesis 4.1.1).
@@ -176,8 +178,11 @@ impl Kind {
             let frame = reads.read(file)?;
             Ok(unfit(kind, &frame).map_or_else(|| Ok(Taken::of(&frame)), Err))
         };
-        let looked: Vec<Result<Result<Taken, String>, FileError>> =
-            found.par_iter().map(look).collect();
+        // A few side by side: frames may be large, and nothing but their setting is kept.
+        let looked: Vec<Result<Result<Taken, String>, FileError>> = found
+            .chunks(SIDE_BY_SIDE)
+            .flat_map(|some| some.par_iter().map(look).collect::<Vec<_>>())
+            .collect();
         let mut all = Self::default();
         for (file, looked) in found.into_iter().zip(looked) {
             match looked {

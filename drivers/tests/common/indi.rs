@@ -42,8 +42,15 @@ pub struct Server {
 
 impl Server {
     pub fn start(drivers: &[&str]) -> Self {
+        let names: Vec<String> =
+            drivers.iter().map(|name| format!("indi_simulator_{name}")).collect();
+        Self::start_of(&names.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+
+    /// The same, with drivers by the names of their programs.
+    pub fn start_of(drivers: &[&str]) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let drivers = drivers.iter().map(|name| format!("indi_simulator_{name}")).collect();
+        let drivers = drivers.iter().map(|name| (*name).to_owned()).collect();
         let home = tempfile::tempdir().unwrap();
         let mut server = Self { child: None, port, drivers, home };
         server.restart();

@@ -118,7 +118,7 @@ impl Degree {
     const NONE: Self = Self { degree: f64::NAN, error: f64::NAN, turned_deg: 0.0 };
 }
 
-/// What the three passes behind polarisers tell of I, Q and U of the light between surfaces, and how far off Q and I may be.
+/// Returns what the three passes behind polarisers tell of I, Q and U of the light between surfaces, and how far off Q and I may be.
 ///
 /// Behind a polariser at the angle a is ½(I + Q cos 2a + U sin 2a).
 fn stokes(behind: [Share; 3], direct: Share) -> ([f64; 3], [f64; 2]) {

@@ -78,7 +78,7 @@ impl Ageing {
         (alpha * alpha + (end * end - alpha * alpha) * done).sqrt()
     }
 
-    /// What it leaves, in words.
+    /// Returns what it leaves, in words.
     fn describe(&self) -> String {
         let each = self.wavelength_nm.iter().map(|nm| (nm, self.factor(*nm)));
         let each: Vec<String> =

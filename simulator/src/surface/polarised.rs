@@ -48,7 +48,7 @@ pub(crate) struct Mueller {
 }
 
 impl Mueller {
-    /// What leaves without polarisation.
+    /// Part that leaves without polarisation.
     pub const DIFFUSE: Self = Self { a: 0.0, g: 0.0, b: 0.0, c: 0.0 };
 }
 

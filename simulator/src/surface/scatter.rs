@@ -46,7 +46,7 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     fn polarised(&self, _name: &str) -> Result<PolarisedPart, MaterialError> {
         Ok(PolarisedPart::Unknown)
     }
-    /// Its facets, with their index at some wavelengths (vacuum nm).
+    /// Facets, with their index at some wavelengths (vacuum nm).
     fn facets(&self, _nm: &[f64]) -> Facets {
         Facets::Unknown
     }

@@ -77,7 +77,7 @@ pub struct BounceOptions {
     pub analyser: Option<Analyser>,
 }
 
-/// What the observer looks through at light between surfaces.
+/// Polariser that the observer looks through at light between surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Analyser {
     /// Nothing: all light, by light paths, without regard to its polarisation on the way.

@@ -40,7 +40,7 @@ pub struct Paths<'a> {
     pub both_ends: bool,
     /// Flags of the rough surfaces, one for each surface, where only paths of three scatterings and more count that begin or end with two rough surfaces.
     pub rest_of: Option<&'a [bool]>,
-    /// What the observer looks through, of light that is polarised.
+    /// Polariser that the observer looks through.
     pub polariser: Option<&'a Polariser>,
     pub seed: u32,
 }
@@ -51,7 +51,7 @@ struct Polarised<'a> {
     by: &'a Polariser,
     /// Vectors of the path so far, and of what goes to the other end.
     vectors: [Vectors; 2],
-    /// What a surface reflects at each node, sr⁻¹.
+    /// Reflection of a surface at each node, sr⁻¹.
     factors: Vec<f64>,
 }
 

@@ -37,7 +37,7 @@ pub struct Spectral {
 pub struct Products {
     channels: [usize; 2],
     each: Vec<Vec<f64>>,
-    /// What comes straight and by each channel, Sun's and observer's, of an even exchange.
+    /// Light of an even exchange that comes straight and by each channel, Sun's and observer's.
     even: [Vec<f64>; 2],
 }
 
@@ -62,12 +62,12 @@ struct Mixing {
     mix: Vec<Vec<f64>>,
     /// For each wavelength the largest error of a number, of that of the mean.
     off: Vec<f64>,
-    /// What is left of each wavelength, relative to the mean.
+    /// The rest of each wavelength, relative to the mean.
     left: Vec<Stored>,
 }
 
 impl Mixing {
-    /// Of matrices of all wavelengths: nothing is chosen yet.
+    /// Begins with the matrices of all wavelengths: nothing is chosen yet.
     fn new(all: &[&Stored]) -> Self {
         let count = all.len();
         let share = 1.0 / count.max(1) as f64;

@@ -23,7 +23,7 @@ impl Polariser {
         Self { facets: materials.iter().map(|m| m.facets(nm)).collect(), angle_rad }
     }
 
-    /// Its axis for light that arrives along `along` from a body that is lit from `light`, unit vectors.
+    /// Returns its axis for light that arrives along `along` from a body that is lit from `light`, unit vectors.
     fn axis(&self, light: DVec3, along: DVec3) -> DVec3 {
         let normal = light.cross(along);
         let normal = match normal.length() > 1e-9 {
