@@ -79,7 +79,7 @@ pub struct GotoArgs {
     #[arg(long, value_name = "FILE", requires = "solve")]
     pub catalogue: Option<PathBuf>,
     /// Ask astrometry.net's program in place of a list, as `solve --solve-field` does
-    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", requires = "solve", conflicts_with = "catalogue")]
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, require_equals = true, default_missing_value = "solve-field", requires = "solve", conflicts_with = "catalogue")]
     pub solve_field: Option<PathBuf>,
     /// Distance from the frame's middle at which it is good, arcsec
     #[arg(long, value_name = "ARCSEC", default_value_t = 30.0, requires = "camera")]

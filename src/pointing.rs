@@ -54,7 +54,7 @@ pub struct PointingArgs {
     #[arg(long, value_name = "FILE")]
     pub catalogue: Option<PathBuf>,
     /// Ask astrometry.net's program in place of a list, as `solve --solve-field` does
-    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", conflicts_with = "catalogue")]
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, require_equals = true, default_missing_value = "solve-field", conflicts_with = "catalogue")]
     pub solve_field: Option<PathBuf>,
     /// Which station.
     #[command(flatten)]

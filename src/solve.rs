@@ -29,7 +29,7 @@ pub struct SolveArgs {
     #[arg(long, value_name = "COLUMN", requires = "catalogue")]
     pub magnitude: Option<String>,
     /// Ask astrometry.net's program in place of a list: for fields of 2° to 20° with the index files of Tycho-2 (Debian: astrometry.net, astrometry-data-tycho2)
-    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, default_missing_value = "solve-field", conflicts_with = "catalogue")]
+    #[arg(long, value_name = "PROGRAM", num_args = 0..=1, require_equals = true, default_missing_value = "solve-field", conflicts_with = "catalogue")]
     pub solve_field: Option<PathBuf>,
     /// Width of the frames on the sky, deg, within 15 % [default: the header's scale, else all widths are tried]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]

@@ -106,6 +106,8 @@ pub struct OffTarget {
     options: OffOptions,
     station_hz: Vec<f64>,
     sky: SkyLevels,
+    /// The camera's sky in each piece, for each of its settings.
+    sky_of_pieces: Vec<Vec<Option<Brightness>>>,
 }
 
 /// Exponents by which a channel's sky may change with the camera's, and both still be the same sky in other colours.
@@ -147,12 +149,20 @@ impl OffTarget {
         pieces.extend(open.map(|open| open.close(channels, options)));
         pieces.sort_by_key(|piece| piece.time);
         let station_hz = channels.iter().map(|channel| channel.dark_rate_hz).collect();
-        Ok(Self { pieces, options: *options, station_hz, sky: SkyLevels::default() })
+        let (sky, sky_of_pieces) = (SkyLevels::default(), Vec::new());
+        Ok(Self { pieces, options: *options, station_hz, sky, sky_of_pieces })
     }
 
     /// Takes the sky between the pieces from a camera's frames, where they tell it better than the line between the pieces.
     #[must_use]
     pub fn carried_by(mut self, sky: SkyLevels) -> Self {
+        let over = |setting: usize, piece: &OffPiece| {
+            let looked = piece.view == View::Sky;
+            looked.then(|| sky.over(setting, piece.time, piece.length_s)).flatten()
+        };
+        self.sky_of_pieces = (0..sky.settings())
+            .map(|setting| self.pieces.iter().map(|piece| over(setting, piece)).collect())
+            .collect();
         self.sky = sky;
         self
     }
@@ -164,12 +174,12 @@ impl OffTarget {
         &self,
         time: Epoch,
         dark_hz: f64,
-        pieces: [&OffPiece; 2],
+        pieces: [usize; 2],
         rates_hz: [f64; 2],
     ) -> Option<Carried> {
-        (0..self.sky.settings()).find_map(|setting| {
-            let over = |piece: &OffPiece| self.sky.over(setting, piece.time, piece.length_s);
-            let (one, two) = (over(pieces[0])?, over(pieces[1])?);
+        self.sky_of_pieces.iter().enumerate().find_map(|(setting, over)| {
+            let [one, two] = pieces.map(|piece| over.get(piece).copied().flatten());
+            let (one, two) = (one?, two?);
             Carried::of(self.sky.at(setting, time)?, [one, two], rates_hz, dark_hz)
         })
     }
@@ -197,19 +207,22 @@ impl OffTarget {
         let next = self.pieces.partition_point(|piece| piece.time <= time);
         let nearest = |view: View| {
             let found = |piece: &OffPiece| piece.view == view && rate_of(piece, channel).is_some();
-            let before = self.pieces[..next].iter().rev().take_while(near).find(|p| found(p));
-            let after = self.pieces[next..].iter().take_while(near).find(|p| found(p));
-            [before, after].map(|piece| Some((piece?, rate_of(piece?, channel)?)))
+            let before = (0..next).rev().take_while(|k| near(&&self.pieces[*k]));
+            let after = (next..self.pieces.len()).take_while(|k| near(&&self.pieces[*k]));
+            let (mut before, mut after) = (before, after);
+            let is_found = |k: &usize| found(&self.pieces[*k]);
+            [before.find(is_found), after.find(is_found)]
+                .map(|k| Some((k?, rate_of(&self.pieces[k?], channel)?)))
         };
-        let single = |(_, rate): (&OffPiece, OffRate), source| Background {
+        let single = |(_, rate): (usize, OffRate), source| Background {
             rate_hz: rate.rate_hz,
             sigma_hz: rate.sigma_hz,
             source,
         };
         match nearest(View::Sky) {
             [Some((before, one)), Some((after, two))] => {
-                let part =
-                    (time - before.time).to_seconds() / (after.time - before.time).to_seconds();
+                let [from, to] = [before, after].map(|k| self.pieces[k].time);
+                let part = (time - from).to_seconds() / (to - from).to_seconds();
                 let change = two.rate_hz - one.rate_hz;
                 let (w, drift) = match self.options.between {
                     Between::Linear => (part, part * (1.0 - part) * change),
@@ -223,9 +236,9 @@ impl OffTarget {
                 let line = of(one.rate_hz + w * change, w, drift, BackgroundSource::Between);
                 let changed = change.abs() > CHANGED_SIGMAS * one.sigma_hz.hypot(two.sigma_hz);
                 let is_line = self.options.between == Between::Linear;
-                let dark_hz = self.dark_hz(time, channel);
-                let found = (changed && is_line).then(|| {
+                let found = (changed && is_line && !self.sky_of_pieces.is_empty()).then(|| {
                     let rates_hz = [one.rate_hz, two.rate_hz];
+                    let dark_hz = self.dark_hz(time, channel);
                     self.carried(time, dark_hz, [before, after], rates_hz)
                 });
                 match found.flatten() {
@@ -238,7 +251,7 @@ impl OffTarget {
             [Some(one), None] | [None, Some(one)] => single(one, BackgroundSource::Nearest),
             [None, None] => {
                 let apart =
-                    |(piece, _): &(&OffPiece, OffRate)| (piece.time - time).to_seconds().abs();
+                    |(k, _): &(usize, OffRate)| (self.pieces[*k].time - time).to_seconds().abs();
                 let dark = nearest(View::Dark).into_iter().flatten();
                 match dark.min_by(|a, b| apart(a).total_cmp(&apart(b))) {
                     Some(dark) => single(dark, BackgroundSource::Dark),

@@ -223,6 +223,6 @@ fn read(
     }
     // Natural logarithm of the odds against chance.
     let odds = numbers("frame.match", ["LOGODDS", "LOGODDS"]).ok().flatten();
-    let odds = odds.and_then(|[odds, _]| odds.first().copied()).unwrap_or(0.0);
+    let odds = odds.and_then(|[odds, _]| odds.first().copied()).unwrap_or(f64::NAN);
     Ok(Solved::of(pairs, size_px, (-odds).exp()))
 }

@@ -434,7 +434,8 @@ fn abilities<T: Bytes>(
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
     }
-    let (mut most, mut least, mut steps) = ([0.0; 2], [0.0; 2], Vec::new());
+    let (mut most, mut least) = ([0.0; 2], [0.0; 2]);
+    let mut of_axes = [Vec::new(), Vec::new()];
     let mut moves = session.can("cansettracking", deadline)?;
     let tells_tracking = moves && axes == MountAxes::Equatorial;
     let mut continuous = true;
@@ -460,15 +461,9 @@ fn abilities<T: Bytes>(
         least[axis] = slowest;
         most[axis] = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
         continuous &= slowest <= SLOWEST_DEG_S && is_gapless(&ranges);
-        let mut of_axis: Vec<f64> = ranges.iter().map(|range| range[1]).collect();
-        of_axis.sort_by(f64::total_cmp);
-        of_axis.dedup();
-        if axis == 1 {
-            // Both axes are sent the same rates.
-            of_axis.retain(|rate| steps.contains(rate));
-        }
-        steps = of_axis;
+        of_axes[axis] = ranges;
     }
+    let steps = steps(&of_axes);
     let rates = match (moves, continuous) {
         (false, _) => MountRates::Absent,
         (true, true) => MountRates::Continuous { most_deg_s: most.into() },
@@ -509,6 +504,27 @@ fn is_gapless(ranges: &[[f64; 2]]) -> bool {
         up_to = up_to.max(*most);
         follows
     })
+}
+
+/// Speeds that are told of a range of rates, besides its ends.
+const WITHIN: u32 = 63;
+
+/// Rates that both axes have, increasing, deg/s: they are sent the same ones. Of a range its ends and some between them.
+fn steps(of_axes: &[Vec<[f64; 2]>; 2]) -> Vec<f64> {
+    let has = |ranges: &[[f64; 2]], rate: f64| {
+        let within = |[a, b]: &[f64; 2]| (a * (1.0 - 1e-6)..=b * (1.0 + 1e-6)).contains(&rate);
+        ranges.iter().any(within)
+    };
+    let of = |[a, b]: &[f64; 2]| {
+        let (a, step) = (*a, (b - a) / f64::from(WITHIN + 1));
+        let last = if step > 0.0 { WITHIN + 1 } else { 0 };
+        (0..=last).map(move |k| a + step * f64::from(k))
+    };
+    let mut steps: Vec<f64> = of_axes.iter().flatten().flat_map(of).collect();
+    steps.retain(|rate| *rate > 0.0 && of_axes.iter().all(|ranges| has(ranges, *rate)));
+    steps.sort_by(f64::total_cmp);
+    steps.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * *b);
+    steps
 }
 
 /// Ranges of rates, deg/s, at most 100; none where they make no sense.
@@ -735,5 +751,23 @@ impl<T: Bytes> device::Mount for Mount<T> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand. Single rates that one axis lacks are left out, ends that differ by rounding are one rate, and a range that begins above what counts as continuous has rates between its ends.
+    #[test]
+    fn both_axes_are_sent_rates_that_both_have() {
+        let single = |rates: &[f64]| rates.iter().map(|r| [*r, *r]).collect::<Vec<_>>();
+        let found = steps(&[single(&[0.004, 0.5, 4.0]), single(&[0.004, 0.500_000_01, 2.0])]);
+        assert_eq!(found.len(), 2, "{found:?}");
+        let found = steps(&[vec![[0.002, 4.0]], vec![[0.002, 3.5]]]);
+        assert!(found.iter().any(|r| (0.01..1.0).contains(r)), "{found:?}");
+        assert!(found.iter().all(|r| (0.002..=3.5 + 1e-5).contains(r)), "{found:?}");
+        assert!((found[found.len() - 1] - 3.5).abs() < 1e-9, "{found:?}");
+        assert!(steps(&[single(&[1.0]), Vec::new()]).is_empty());
     }
 }

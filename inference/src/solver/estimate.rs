@@ -230,7 +230,11 @@ pub(super) fn estimate(
             && (i >= n_free || is_loose(i))
         {
             let half = 0.5 * (b - a) / Z95;
-            sigma = if sigma.is_finite() { sigma.max(half) } else { half.hypot(calibrated) };
+            sigma = match sigma.is_finite() {
+                true => sigma.max(half),
+                false if within => half,
+                false => half.hypot(calibrated),
+            };
         }
         let (interval, method) = if undetermined[i] {
             ([low[i] * size, high[i] * size], IntervalMethod::None)

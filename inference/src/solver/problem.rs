@@ -551,6 +551,11 @@ impl<'a> Problem<'a> {
         left.collect()
     }
 
+    /// Sum of squares of the samples about the model's rates with the errors of the calibration that the fit finds.
+    pub fn scatter(&self, rates: &PerSample) -> f64 {
+        self.whitened_alone(&self.left(&self.calibrated(rates))).norm_squared()
+    }
+
     /// The model's rates with the errors of the calibration that the fit finds: what single samples scatter about.
     pub fn calibrated(&self, rates: &PerSample) -> PerSample {
         match &self.common {

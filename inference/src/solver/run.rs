@@ -163,6 +163,9 @@ pub fn fit(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Fit, FitError> {
     let mut problem = Problem::new(data, model, free, linear)?;
+    // By the measured rates, until the model's are near: what all samples of a night have in common must not be made good by shape or attitude.
+    let measured: PerSample = data.iter().map(|curve| curve.rate.clone()).collect();
+    problem.with_calibration(&measured, 1.0);
     // The last descents have limits of their own.
     problem.gain = (options.purpose != Purpose::Answer).then_some(COARSE);
     let most = options.iterations;
@@ -336,7 +339,8 @@ fn settle(
             // All but everything is an outlier: the noise before stays.
             return Ok((state, false));
         }
-        let scale = (state.chi2 / freedom(problem) as f64).max(1.0);
+        // By the samples' scatter alone: a prior that the calibration's errors hold off is no noise of theirs.
+        let scale = (problem.scatter(&state.rates) / freedom(problem) as f64).max(1.0);
         problem.whitener = whitener;
         problem.with_calibration(&state.rates, scale);
         problem.centres = centres;

@@ -273,7 +273,7 @@ fn check_visits(
             String::new()
         };
         let fastest = format!("up to {:.2} °/s{sun}", a.max(b));
-        let text = match abilities.continuous_deg_s() {
+        let text = match abilities.fastest_deg_s() {
             None if a.max(b) > STARS_DEG_S => format!(
                 "nothing forbids the mount to follow it, {fastest}; how fast the mount is, is not known here (`most_rate_deg_s` in the plan)"
             ),

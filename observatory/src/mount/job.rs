@@ -188,9 +188,9 @@ impl Job {
         if let Some((slot, before)) = &self.beside {
             // Where the pass ends, or begins, as far as the telescope may follow it.
             let length_s = slot.to.map_or(1.0, |to| (to - slot.from).to_seconds());
-            let span = (slot.from, length_s.clamp(1.0, MOST_S));
+            let of_pass = (slot.from, length_s.clamp(1.0, MOST_S));
             let pass =
-                TargetPath::new(&orbit, site, earth, span, MountAxes::Horizontal, refraction)?;
+                TargetPath::new(&orbit, site, earth, of_pass, MountAxes::Horizontal, refraction)?;
             let [first_s, last_s] =
                 allowed(&pass, guard).map_or([0.0, pass.seconds()], Interval::to_array);
             let at_s = if *before { last_s } else { first_s };

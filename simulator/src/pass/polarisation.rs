@@ -13,6 +13,8 @@ use glam::DVec3;
 
 /// The place of V among the bands.
 const V: usize = 2;
+/// Wavelengths at which facets of several indices are told from those of one, vacuum nm.
+const FACETS_NM: [f64; 4] = [350.0, 550.0, 750.0, 1000.0];
 
 /// Linear polarisation of a body's light along a pass.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,7 +172,7 @@ impl Pass {
                 true => of.polarised().map_err(|e| material(&e))?,
                 false => PolarisedPart::Nothing,
             };
-            match of.facets(&[]) {
+            match of.facets(&FACETS_NM) {
                 Facets::Unknown => followed.materials[k] = black(of)?,
                 Facets::Of { .. } => facets |= used(k),
                 Facets::None => {}

@@ -109,7 +109,8 @@ impl Material {
                 // The product of two lines is off its own line by a quarter of both changes' product.
                 let parts = (0.25 * bend.abs() / ERROR).sqrt().ceil().clamp(1.0, PARTS as f64);
                 let at = |k: usize| pair[0] + (pair[1] - pair[0]) * k as f64 / parts;
-                nm.extend((1..=parts as usize).map(at));
+                nm.extend((1..parts as usize).map(at));
+                nm.push(pair[1]);
             }
             let value = nm.iter().map(|nm| spectrum.at(*nm) * ageing.factor(*nm)).collect();
             *spectrum = Spectrum::new(nm, value)?;

@@ -358,6 +358,11 @@ impl Reader<'_> {
         let scale = keys.scale.iter().map(|v| v.get()).collect();
         let ageing = Ageing::new(keys.dose.get(), nm, left, scale)
             .map_err(|error| self.wrong("ageing", &error))?;
+        // What is wrong with the material as it was made is said of it, not of what has become of it.
+        let new = self.material(file)?;
+        if keys.dose.get() == 0.0 {
+            return Ok(new);
+        }
         let mut file = file.clone();
         match (file.alpha, keys.alpha, keys.alpha_scale) {
             (_, None, None) => {}
