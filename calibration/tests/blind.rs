@@ -340,3 +340,45 @@ fn lists_and_widths_that_make_no_patterns_are_refused() {
     let error = embedded.brightness(Some("nothing")).unwrap_err().to_string();
     assert!(error.contains("a column of magnitudes"), "{error}");
 }
+
+/// Truth: by hand: stand-ins for the other program (synthetic) that are not there, fail with words, find nothing, or leave files that are none: each is an error that names program or file, or no answer; none is a place.
+#[test]
+#[cfg(unix)]
+fn another_programs_failures_are_told() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let mut pixels = ndarray::Array2::<f32>::from_elem((300, 300), 100.0);
+    for k in 0..20 {
+        let (x, y) = (20.0 + 13.0 * f64::from(k), 25.0 + f64::from((k * 67) % 250));
+        for ((row, column), pixel) in pixels.indexed_iter_mut() {
+            let square = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+            *pixel += (3000.0 * (-0.5 * square / 2.25).exp()) as f32;
+        }
+    }
+    let field = find(pixels.view(), &FieldOptions::default()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let asked = |name: &str, text: Option<&str>| {
+        let path = folder.path().join(name);
+        if let Some(text) = text {
+            std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        }
+        // A script that has just been written is busy while a child of another test has its descriptor.
+        for _ in 0..50 {
+            match SolveField::new(&path).within_s(5).solve(&field, false, Some((3.0, 0.1))) {
+                Err(error) if error.to_string().contains("busy") => {
+                    std::thread::sleep(std::time::Duration::from_millis(20));
+                }
+                answer => return answer,
+            }
+        }
+        panic!("{name} stays busy");
+    };
+    let error = asked("nowhere", None).unwrap_err().to_string();
+    assert!(error.contains("nowhere") && error.contains("astrometry-data-tycho2"), "{error}");
+    let error = asked("fails", Some("echo no index files >&2; exit 3")).unwrap_err().to_string();
+    assert!(error.contains("fails") && error.contains("no index files"), "{error}");
+    assert!(asked("finds-nothing", Some("exit 0")).unwrap().is_none());
+    let garbage = "touch frame.solved; echo rubbish > frame.wcs; echo rubbish > frame.corr";
+    let error = asked("garbage", Some(garbage)).unwrap_err().to_string();
+    assert!(error.contains("frame.wcs"), "{error}");
+}

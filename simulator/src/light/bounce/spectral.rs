@@ -172,7 +172,7 @@ impl Spectral {
             if worse * mixing.most() <= wanted || until <= LEAST {
                 break (mean, sums, worse);
             }
-            until = (0.5 * wanted / worse).clamp(LEAST, 0.5 * until);
+            until = (0.5 * wanted / worse).min(0.5 * until).max(LEAST);
         };
         let Mixing { mix, off, .. } = mixing;
         let off = off.into_iter().map(|off| off * worse).collect();
@@ -321,8 +321,9 @@ mod tests {
             let some: Vec<usize> = (0..n).step_by(2).collect();
             let rho: Vec<f64> = some.iter().map(|p| of[p % 3]).collect();
             let area: Vec<f64> = some.iter().map(|p| 2.0 * area[*p]).collect();
+            let (some, s) = (&some, &s);
             let s: Vec<f64> =
-                some.iter().flat_map(|p| some.iter().map(|q| 3.0 * s[p * n + q])).collect();
+                some.iter().flat_map(|p| some.iter().map(move |q| 3.0 * s[p * n + q])).collect();
             let q = transport::solve(&s, &area, &rho).unwrap();
             q.into_iter().map(|q| q as f32).collect::<Stored>()
         };
