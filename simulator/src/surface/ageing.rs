@@ -37,7 +37,7 @@ impl Ageing {
         let wrong = |name, value, expected: &str| {
             Err(MaterialError::Parameter { name, value, expected: expected.to_owned() })
         };
-        if !(dose >= 0.0 && dose < f64::INFINITY) {
+        if !(0.0..f64::INFINITY).contains(&dose) {
             return wrong("the dose", dose, "from 0 on");
         }
         let count = wavelength_nm.len();

@@ -36,7 +36,7 @@ fn a_white_box_gives_back_what_it_gets() {
 }
 
 /// Truth: Helmholtz. Sun and observer may be swapped: to 1e-12 for patches, whose matrices are symmetric and whose closed forms do not know which end comes first; for
-/// paths within what is claimed. A budget of many paths claims no more than one of few.
+/// paths within what is claimed. Where patches miss the tolerance and the budget holds enough paths, these take their place, and claim less.
 #[test]
 fn sun_and_observer_may_be_swapped() {
     let corner = || Target::built_in("corner").unwrap();
@@ -61,7 +61,7 @@ fn sun_and_observer_may_be_swapped() {
         }
     }
     let ((patches, off), (paths, less)) = (claims[1], claims[3]);
-    assert!(less <= off && (paths - patches).abs() < off + less, "{claims:?}");
+    assert!(less < 0.8 * off && (paths - patches).abs() < off + less, "{claims:?}");
 }
 
 /// Truth: nothing is between the fronts of a convex body, and no light comes into a closed one. Both are left out with a bound of 0 or send nothing.

@@ -42,7 +42,7 @@ impl Claim {
         }
         let typical = (sum(&|t| t.left * t.left) / all).sqrt();
         let plain = Self { scale: 1.0, typical };
-        let claim = |t: &Trial| plain.of_size(t.light, t.left).hypot(t.noise);
+        let claim = |t: &Trial| plain.of_size(t.light, t.left) + t.noise;
         let variance = sum(&|t| t.sigma * t.sigma);
         let apart = sum(&|t| t.light - t.found).abs();
         if apart > sum(&claim) + APART * variance.sqrt() {

@@ -236,7 +236,7 @@ impl<'a> Draft<'a> {
         let mut stated = Rms::default();
         for ((pair, trial), claimed) in pilot.pairs.iter().zip(&trials).zip(&claimed) {
             if pair.counts {
-                let all = claim.of_size(trial.light, trial.left).hypot(*claimed);
+                let all = claim.of_size(trial.light, trial.left) + claimed;
                 stated.add(all / (pair.direct + trial.light));
             }
         }

@@ -82,9 +82,9 @@ pub struct Found {
 }
 
 impl Found {
-    /// The claimed error of everything but the patches' size: rays and directions are drawn apart.
+    /// The claimed error of everything but the patches' size.
     pub fn noise(&self) -> f64 {
-        self.factors.hypot(self.chords)
+        self.factors + self.chords
     }
 }
 

@@ -42,7 +42,7 @@ const KEPT_OF_PATHS: f64 = 2.0;
 const MOST_SPARE_NUMBERS: f64 = 4.0;
 /// Matrices that many wavelengths take.
 const USUAL_MATRICES: usize = 40;
-/// Shares of the tolerance that patches and rays may take: they err independently of each other.
+/// Shares of the tolerance that patches and rays may take.
 const OF_TOLERANCE: f64 = 0.5;
 const OF_RAYS: f64 = 0.3;
 
@@ -340,6 +340,6 @@ impl Still {
     /// The claimed error of what was found, m² sr⁻¹.
     fn claimed(&self, found: &Found) -> f64 {
         let left = self.claim.of_size(found.light, found.left);
-        left.hypot(found.noise()) + (self.nodes.error + 1e-7) * found.light
+        left + found.noise() + (self.nodes.error + 1e-7) * found.light
     }
 }
