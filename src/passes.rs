@@ -8,6 +8,7 @@ use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,17 +19,17 @@ use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::nearest_names;
-use sunglint_numerics::progress::Progress as _;
+use sunglint_numerics::progress::Progress;
 use sunglint_observatory::planner::{
     NightPlan, PassOffer, PlannerOptions, Surroundings, plan_night,
 };
 use sunglint_observatory::{Catalogue, Plan, Preflight, PreflightOptions, preflight};
-use sunglint_page::{PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
+use sunglint_page::{PlanCurve, PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
-use sunglint_radiometry::station::{Channel, Detector, Predicted};
+use sunglint_radiometry::station::{Detector, Predicted};
 use sunglint_report::passes::PassesReport;
 use sunglint_report::preflight::{plan_text, text as preflight_text};
 use sunglint_simulator::attitude::Attitude;
@@ -286,7 +287,9 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     }
     if let (Some(address), Some((plan, text))) = (&args.night.page, &devices) {
         let around = Around { plan, search: &search, air: &air, orientation };
-        let desk = args.desk(&found.passes, around, text, &plans, warnings)?;
+        let files = (text.as_str(), &plans);
+        let desk = args.desk(&found.passes, around, &photometer, files, warnings, &bar)?;
+        bar.end();
         let address = crate::page::address_of(address)?;
         return crate::page::serve(
             address,
@@ -464,13 +467,21 @@ impl PassesArgs {
         &self,
         passes: &[SeenPass],
         around: Around<'_>,
-        devices: &str,
-        plans: &OutputArgs,
+        photometer: &Photometer<'_>,
+        (devices, plans): (&str, &OutputArgs),
         warnings: Vec<String>,
+        progress: &dyn Progress,
     ) -> anyhow::Result<PlanDesk> {
         let path = plans.output.first().cloned().unwrap_or_default();
         let dark = around.search.dark().iter().map(|span| (span.from, span.to)).collect();
-        let shown = passes.iter().filter_map(|pass| shown(pass, &around)).collect();
+        // A model takes its time for each point: all cores, and a bar.
+        progress.begin("the passes' light", Some(passes.len() as u64));
+        let one = |pass: &SeenPass| {
+            let found = shown(pass, &around, photometer);
+            progress.advance(1);
+            found
+        };
+        let shown = passes.par_iter().filter_map(one).collect();
         let sets = flown(passes);
         let beside = elements_file(&path, &sets);
         // Said now, not when the night is planned.
@@ -610,38 +621,63 @@ fn flown(passes: &[SeenPass]) -> Vec<&Tle> {
 
 /// Steps of a pass's course on the page.
 const STEPS: u32 = 60;
+/// Time over which the speed on the sky is taken, s.
+const SPEED_S: f64 = 1.0;
 
-/// A pass as the page shows it; none of an object without elements.
-fn shown(pass: &SeenPass, around: &Around<'_>) -> Option<PlanPass> {
+/// A pass as the page shows it, with its light along its course; none of an object without elements.
+fn shown(pass: &SeenPass, around: &Around<'_>, photometer: &Photometer<'_>) -> Option<PlanPass> {
     let (search, span) = (around.search, pass.pass.span);
-    let point = |i: u32| {
+    let speed = |at: Epoch| {
+        let [before, after] = [-0.5, 0.5].map(|half| {
+            search.look(&pass.orbit, at + half * SPEED_S * Unit::Second).map(|seen| seen.horizontal)
+        });
+        Some(before.ok()?.separation_deg(after.ok()?) / SPEED_S)
+    };
+    let mut curves: Vec<PlanCurve> = Vec::new();
+    for channel in &around.plan.station.channels {
+        let camera = matches!(channel.detector, Detector::CameraPlane(_));
+        curves.push(PlanCurve {
+            channel: channel.name.clone(),
+            unit: if camera { "ADU/s" } else { "Hz" },
+            arriving: Vec::new(),
+            counted_hz: Vec::new(),
+            saturated: Vec::new(),
+        });
+    }
+    let mut track = Vec::new();
+    for i in 0..=STEPS {
         let at = span.from + span.seconds() * f64::from(i) / f64::from(STEPS) * Unit::Second;
-        let seen = search.look(&pass.orbit, at).ok()?;
+        let Ok(seen) = search.look(&pass.orbit, at) else { continue };
+        let light = photometer.at(&pass.orbit, at).ok().map(|(_, light)| light);
         let h = seen.horizontal;
-        Some(PlanPoint {
+        track.push(PlanPoint {
             at,
             at_deg: [h.azimuth_deg(), h.altitude_deg()].into(),
             lit: seen.lit_rad > 0.0,
             dark: search.dark().iter().any(|d| d.from <= at && at <= d.to),
-        })
-    };
-    let rates = around.plan.station.channels.iter().zip(&pass.expected.channels);
-    let rate = |(channel, expected): (&Channel, &Option<(f64, Predicted)>)| {
+            speed_deg_per_s: speed(at),
+            v_mag: light.as_ref().and_then(|light| light.v_station),
+        });
+        for (k, curve) in curves.iter_mut().enumerate() {
+            let expected = light.as_ref().and_then(|light| light.channels.get(k)?.as_ref());
+            let predicted = expected.map(|(_, predicted)| predicted);
+            curve.arriving.push(predicted.and_then(|p| p.arriving));
+            curve.counted_hz.push(predicted.and_then(|p| p.counted_hz));
+            curve.saturated.push(predicted.is_some_and(|p| p.saturated));
+        }
+    }
+    let rate = |(curve, expected): (&PlanCurve, &Option<(f64, Predicted)>)| {
         let (_, predicted) = expected.as_ref()?;
-        let camera = matches!(channel.detector, Detector::CameraPlane(_));
         Some(PlanRate {
-            channel: channel.name.clone(),
-            unit: if camera { "ADU/s" } else { "Hz" },
+            channel: curve.channel.clone(),
+            unit: curve.unit,
             arriving: predicted.arriving,
             counted_hz: predicted.counted_hz,
             saturated: predicted.saturated,
         })
     };
-    Some(PlanPass {
-        offer: offer(pass)?,
-        track: (0..=STEPS).filter_map(point).collect(),
-        rates: rates.filter_map(rate).collect(),
-    })
+    let rates = curves.iter().zip(&pass.expected.channels).filter_map(rate).collect();
+    Some(PlanPass { offer: offer(pass)?, track, rates, curves })
 }
 
 /// A pass for the plan: its first stretch in the light; none of an object without elements.
@@ -652,6 +688,7 @@ fn offer(pass: &SeenPass) -> Option<PassOffer> {
         norad_id: pass.norad_id,
         span: (span.from, span.to),
         v_mag: pass.expected.v_station.unwrap_or(pass.brightest.v_mag),
+        standard_magnitude: pass.brightest.standard_magnitude(),
         highest_deg: pass.highest_visible_deg(),
     })
 }

@@ -1194,6 +1194,43 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     assert_eq!(serving.interrupt(), Some(0));
 }
 
+/// The chosen pass has its light along its course. Truths: the list's own magnitude is that at its brightest above the air (lower in the air it may be a little brighter a moment later; the course has 61 points, between which a satellite in
+/// low orbit changes by less than 0.1 mag there); the way over the sky, by the haversines of the places that are drawn, is speed times time (chords and the rule of trapezoids: 2 %); no light comes from the shadow.
+fn predicted_along(browser: &mut Browser, n: usize) {
+    browser.until("sunglint.planning.curves !== null && document.querySelectorAll('#pass-unit option').length > 1");
+    let pass = browser.run(&format!("sunglint.about.passes[{n}]"));
+    let list = |key: &str| pass[key].as_array().unwrap().clone();
+    let (lit, dark, v, at) = (list("lit"), list("dark"), list("v_at_mag"), list("at_deg"));
+    let seen = |i: &usize| lit[*i] == true && dark[*i] == true;
+    let brightest =
+        (0..v.len()).filter(seen).filter_map(|i| v[i].as_f64()).fold(f64::INFINITY, f64::min);
+    let told = pass["v_mag"].as_f64().unwrap();
+    assert!((brightest - told).abs() < 0.1, "{brightest} for {told}");
+    assert!((0..v.len()).all(|i| lit[i] == true || v[i].is_null()), "{v:?}");
+    let place = |i: usize| [0, 1].map(|k| at[i][k].as_f64().unwrap().to_radians());
+    let haversine = |i: usize| {
+        let ([a0, h0], [a1, h1]) = (place(i), place(i + 1));
+        let x =
+            ((h1 - h0) / 2.0).sin().powi(2) + h0.cos() * h1.cos() * ((a1 - a0) / 2.0).sin().powi(2);
+        2.0 * x.sqrt().asin().to_degrees()
+    };
+    let time = |i: usize| pass["at_s"][i].as_f64().unwrap();
+    let speed = |i: usize| pass["speed_deg_per_s"][i].as_f64().unwrap();
+    let way: f64 = (0..at.len() - 1).map(haversine).sum();
+    let by_speed: f64 =
+        (0..at.len() - 1).map(|i| 0.5 * (speed(i) + speed(i + 1)) * (time(i + 1) - time(i))).sum();
+    assert!((by_speed / way - 1.0).abs() < 0.02, "{by_speed} for {way}");
+    // In a channel's unit: the highest point of the chart is near the rate that the table has.
+    browser.run("(() => { const s = document.getElementById('pass-unit'); s.value = 'Hz'; s.dispatchEvent(new Event('change')); })()");
+    browser.until("/up to .* Hz/.test(document.getElementById('pass-curve').ariaLabel)");
+    assert!(browser.text("#pass-legend").contains("spcm"), "{}", browser.text("#pass-legend"));
+    assert!(browser.text("#pass-speed").contains("°/s"));
+    let most = browser.run(&format!("[Math.max(...sunglint.planning.curves.filter((c) => c.unit === 'Hz').flatMap((c) => c.arriving)), Math.max(...sunglint.about.passes[{n}].rates.filter((r) => r.unit === 'Hz').map((r) => r.arriving))]"));
+    let [along, best] = [0, 1].map(|i| most[i].as_f64().unwrap());
+    assert!(along > 0.9 * best, "{along} for {best}");
+    browser.run("(() => { const s = document.getElementById('pass-unit'); s.value = 'V'; s.dispatchEvent(new Event('change')); })()");
+}
+
 /// Three passes and eight stars, clicked on the sky and put into order. Truth: the plan's own text, read by another TOML reader: what was clicked, in that order, each pass from its
 /// beginning to its end as `passes` lists it; and `observe --check`, which finds nothing but that the night is past.
 #[test]
@@ -1255,6 +1292,7 @@ fn a_night_is_planned_by_clicks() {
         browser.run("for (const li of document.querySelectorAll('#picks li')) if (!li.innerText.includes(' to ')) li.querySelector('button:last-child').click();");
         browser.until("sunglint.planning.picks.every((p) => 'pass' in p)");
         assert!(browser.text("#pass-rates").contains("spcm"), "{}", browser.text("#pass-rates"));
+        predicted_along(&mut browser, n);
         browser.click("#pass-add");
     }
     assert!(by_sky > 0);

@@ -302,6 +302,8 @@ struct Visit {
     #[serde(default)]
     object: Option<String>,
     #[serde(default)]
+    standard_magnitude: Option<Within<-30, 40>>,
+    #[serde(default)]
     off: Option<Off>,
     #[serde(default)]
     from: Option<String>,
@@ -911,6 +913,7 @@ fn steps(
                 all: visit.setup(filter),
                 cameras: visit.camera.clone(),
                 rotator_deg: visit.rotator_deg.map(Within::get),
+                standard_magnitude: visit.standard_magnitude.map(Within::get),
             })),
         }
     };
@@ -1067,6 +1070,10 @@ fn target(
     }
     if visit.object.is_some() && visit.tle.is_none() {
         return Err(error(".object", "a `tle` beside it".into()).into());
+    }
+    if visit.standard_magnitude.is_some() && visit.tle.is_none() {
+        let expected = "a `tle` beside it: only satellites have one";
+        return Err(error(".standard_magnitude", expected.into()).into());
     }
     let star = |name: String, ra_deg, dec_deg| Target {
         name,

@@ -72,6 +72,8 @@ pub struct PassOffer {
     pub span: (Epoch, Epoch),
     /// Johnson V at its brightest.
     pub v_mag: f64,
+    /// The same as a standard magnitude: V at 1,000 km, half lit; `None` where it is not known.
+    pub standard_magnitude: Option<f64>,
     /// Highest altitude, degrees.
     pub highest_deg: f64,
 }
@@ -543,6 +545,9 @@ impl Planner<'_> {
             "tle = \"{}\"\nobject = \"{}\"\nfrom = \"{from}\"\nto = \"{to}\"\n",
             self.around.elements, pass.norad_id
         );
+        if let Some(magnitude) = pass.standard_magnitude {
+            let _ = writeln!(lines, "standard_magnitude = {magnitude:.2}");
+        }
         // The wheel does not turn during a pass.
         if let Some(filter) = self.filters().first() {
             let _ = writeln!(lines, "filter = \"{filter}\"");

@@ -122,11 +122,16 @@ impl Pointing {
         self.place(target, utc).map(|[azimuth, altitude, ..]| [azimuth, altitude].into())
     }
 
-    /// Whether the Sun shines on a satellite at a time: on more than half of its disc. `None` for a target that is no satellite.
-    pub fn is_lit(&mut self, target: &Target, utc: Epoch) -> Option<bool> {
+    /// Where a satellite, the Sun and the station stand; `None` for a target that is no satellite, or without a place then.
+    pub fn geometry(&mut self, target: &Target, utc: Epoch) -> Option<Geometry> {
         let observer = Observer::at(utc, &self.station.site, EarthOrientation::embedded()).ok()?;
         let Body::Orbit(orbit) = self.body(target)? else { return None };
-        Geometry::at(orbit, &observer).ok().map(|geometry| geometry.sunlit >= 0.5)
+        Geometry::at(orbit, &observer).ok()
+    }
+
+    /// Whether the Sun shines on a satellite at a time: on more than half of its disc. `None` for a target that is no satellite.
+    pub fn is_lit(&mut self, target: &Target, utc: Epoch) -> Option<bool> {
+        Some(self.geometry(target, utc)?.sunlit >= 0.5)
     }
 
     fn body(&mut self, target: &Target) -> Option<&Body> {

@@ -148,7 +148,8 @@ impl Schedule {
     /// Whether any visit has several steps or settings of its own.
     pub fn has_sequences(&self) -> bool {
         let own = |step: &Step| {
-            let plain = Step { number: step.number, ..Step::default() };
+            let Step { number, standard_magnitude, .. } = *step;
+            let plain = Step { number, standard_magnitude, ..Step::default() };
             *step != plain
         };
         self.slots.iter().any(|slot| slot.step.as_deref().is_some_and(own))

@@ -66,6 +66,8 @@ pub struct Step {
     pub cameras: BTreeMap<String, CameraSetup>,
     /// Angle of the rotators, degrees.
     pub rotator_deg: Option<f64>,
+    /// Brightness that is expected of a satellite: V at 1,000 km, half lit. Nothing is observed by it.
+    pub standard_magnitude: Option<f64>,
 }
 
 /// How a camera takes frames at a time of the night.

@@ -31,6 +31,7 @@ fn a_plan_has_no_pass_that_is_no_visit() {
         norad_id: 25_544,
         span: (at(from), at(from + length)),
         v_mag,
+        standard_magnitude: None,
         highest_deg: 40.0,
     };
     let offers = [

@@ -37,7 +37,7 @@ pub use gate::Token;
 pub use lab::{LabReading, LabRun, LabState};
 pub use live::LiveNight;
 pub use magnitudes::{Calibration, MagnitudesView};
-pub use plan::{PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
+pub use plan::{PlanCurve, PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
 pub use recorded::{About, CountsView, DeviceView, FibreView, Recording, VisitView};
 pub use request::{Answer, Request, Source};
 pub use server::{Server, ServerError};

@@ -4,10 +4,10 @@ use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::magnitudes::{Calibration, Off, PointMagnitudes, Points, Scale, sky_of};
 use crate::marks::{Look, More, marks};
-use crate::predicted::StarCurves;
+use crate::predicted::{StayCurves, brighten};
 use crate::recorded::{About, DeviceView, FlipView, VisitView, fibres, flag_names, unix_ms};
 use crate::request::{Answer, Request, Source};
-use crate::sky::{Sky, SkyTrack};
+use crate::sky::{Skies, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -39,10 +39,11 @@ pub struct LiveNight {
     marked: Mutex<Option<Marked>>,
     /// Focus and background of the frames that were measured, by camera.
     looks: Mutex<HashMap<String, VecDeque<Look>>>,
+    skies: Skies,
     corrected: OnceLock<Corrected>,
     predicted: Vec<LightCurve>,
-    /// Curves of the plan's stars.
-    stars: Mutex<StarCurves>,
+    /// Curves of the plan's stars and satellites.
+    stays: Mutex<StayCurves>,
     calibration: Option<Calibration>,
     scale: OnceLock<Result<Scale, String>>,
 }
@@ -131,7 +132,8 @@ impl LiveNight {
             looks: Mutex::default(),
             corrected: OnceLock::new(),
             predicted: Vec::new(),
-            stars: Mutex::default(),
+            skies: Skies::default(),
+            stays: Mutex::default(),
             calibration: None,
             scale: OnceLock::new(),
         }
@@ -192,8 +194,8 @@ impl LiveNight {
             self.predicted.iter().map(|curve| Predicted::of(curve, start)).collect();
         // What somebody gave goes before what the catalogue has.
         if curves.is_empty() {
-            let mut stars = self.stars.lock().unwrap_or_else(PoisonError::into_inner);
-            curves = stars.of(&self.state.slots(), &self.station()?, start);
+            let mut stays = self.stays.lock().unwrap_or_else(PoisonError::into_inner);
+            curves = stays.of(&self.state.slots(), &self.station()?, start);
         }
         Ok(Answer::json(&curves))
     }
@@ -366,19 +368,23 @@ impl LiveNight {
         let at_s = request.number("at_s").unwrap_or(0.0).clamp(-1e9, 1e9);
         let utc = start + Duration::from_seconds(at_s);
         let schedule = Schedule::new(self.state.slots());
-        Sky::at(&station, start, utc, schedule.at(utc))
+        self.skies
+            .at(&station, start, utc, schedule.at(utc))
             .map(|sky| Answer::json(&sky))
             .ok_or_else(|| Answer::error(422, "no sky is known for that time"))
     }
 
     fn tracks(&self) -> Result<Answer, Answer> {
         let (start, station) = (self.start()?, self.station()?);
-        let of = |slot: &Slot| {
+        let slots = self.state.slots();
+        let mut tracks: Vec<(SkyTrack, &Slot)> = Vec::new();
+        for slot in &slots {
             let to = slot.to.unwrap_or(slot.from + Duration::from_hours(1.0));
-            SkyTrack::over(&station, start, &slot.target, slot.from, to)
-        };
-        let tracks: Vec<SkyTrack> = self.state.slots().iter().filter_map(of).collect();
-        Ok(Answer::json(&tracks))
+            let track = SkyTrack::over(&station, start, &slot.target, slot.from, to);
+            tracks.extend(track.map(|track| (track, slot)));
+        }
+        brighten(&mut tracks, &station, start);
+        Ok(Answer::json(&tracks.iter().map(|(track, _)| track).collect::<Vec<_>>()))
     }
 
     /// The place in a frame that a person pointed at.

@@ -31,6 +31,25 @@ pub struct PlanPoint {
     pub lit: bool,
     /// Whether the sky is dark.
     pub dark: bool,
+    /// How fast it moves over the sky, deg/s; `None` where it has no place a moment before or after.
+    pub speed_deg_per_s: Option<f64>,
+    /// V magnitude at the station, after the air; `None` where no light comes.
+    pub v_mag: Option<f64>,
+}
+
+/// Predicted light of a pass in a channel along its course: a value for each point of the track.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlanCurve {
+    /// Channel.
+    pub channel: String,
+    /// Unit of the rates that arrive: `Hz` or `ADU/s`.
+    pub unit: &'static str,
+    /// Rates that arrive; `None` where no light comes or the station has no coefficient for it.
+    pub arriving: Vec<Option<f64>>,
+    /// Rates that a counter reports, Hz.
+    pub counted_hz: Vec<Option<f64>>,
+    /// Where it is saturated.
+    pub saturated: Vec<bool>,
 }
 
 /// Predicted light of a pass in a channel, at its brightest.
@@ -55,8 +74,10 @@ pub struct PlanPass {
     pub offer: PassOffer,
     /// Course over the sky, in the order of time.
     pub track: Vec<PlanPoint>,
-    /// Predicted light.
+    /// Predicted light at its brightest.
     pub rates: Vec<PlanRate>,
+    /// Predicted light along its course.
+    pub curves: Vec<PlanCurve>,
 }
 
 /// Surroundings of a plan that is made by hand.
@@ -125,6 +146,8 @@ struct PassView<'a> {
     at_deg: Vec<AzimuthAltitude>,
     lit: Vec<bool>,
     dark: Vec<bool>,
+    v_at_mag: Vec<Option<f64>>,
+    speed_deg_per_s: Vec<Option<f64>>,
     rates: &'a [PlanRate],
 }
 
@@ -182,7 +205,7 @@ impl PlanDesk {
     }
 
     fn view<'a>(&self, pass: &'a PlanPass) -> PassView<'a> {
-        let PlanPass { offer, track, rates } = pass;
+        let PlanPass { offer, track, rates, curves: _ } = pass;
         PassView {
             label: &offer.label,
             from_s: self.seconds(offer.span.0),
@@ -194,6 +217,8 @@ impl PlanDesk {
             at_deg: track.iter().map(|point| point.at_deg).collect(),
             lit: track.iter().map(|point| point.lit).collect(),
             dark: track.iter().map(|point| point.dark).collect(),
+            v_at_mag: track.iter().map(|point| point.v_mag).collect(),
+            speed_deg_per_s: track.iter().map(|point| point.speed_deg_per_s).collect(),
             rates,
         }
     }
@@ -221,6 +246,14 @@ impl PlanDesk {
         Sky::at(&self.around.devices.station, self.start, utc, None)
             .map(|sky| Answer::json(&sky))
             .ok_or_else(|| Answer::error(422, "no sky is known for that time"))
+    }
+
+    /// The light of a pass along its course.
+    fn curves(&self, request: &Request) -> Result<Answer, Answer> {
+        let number = request.whole("pass").and_then(|number| usize::try_from(number).ok());
+        let found = number.and_then(|number| self.passes.get(number));
+        let none = || Answer::error(404, "there is no such pass");
+        Ok(Answer::json(&found.ok_or_else(none)?.curves))
     }
 
     /// The night of the picks; without picks the one that the program would choose.
@@ -324,6 +357,7 @@ impl Source for PlanDesk {
             (true, _) => Err(Answer::error(405, "only `plan` and `save` take a POST")),
             (false, ["about"]) => Ok(self.about()),
             (false, ["sky"]) => self.sky(request),
+            (false, ["curves"]) => self.curves(request),
             (false, ["tracks"]) => Ok(Answer::json(&[(); 0])),
             _ => Err(Answer::missing()),
         };

@@ -2,6 +2,7 @@
 
 use hifitime::{Duration, Epoch};
 use serde::Serialize;
+use std::sync::{Mutex, PoisonError};
 use sunglint_formats::session::Target;
 use sunglint_observatory::Pointing;
 use sunglint_observatory::planner::{MOON_DEG, star_name};
@@ -73,10 +74,49 @@ pub struct SkyTrack {
     pub at_deg: Vec<AzimuthAltitude>,
     /// Whether the Sun shines on a satellite; empty for other targets.
     pub lit: Vec<bool>,
+    /// V magnitude at the station, `None` where no light comes; empty where nothing is expected.
+    pub v_mag: Vec<Option<f64>>,
 }
 
 fn degrees(horizontal: Horizontal) -> AzimuthAltitude {
     [horizontal.azimuth_deg(), horizontal.altitude_deg()].into()
+}
+
+/// Time for which stars, planets, Sun and Moon stay where they are drawn, s: they move by 0.04° meanwhile, less than a point of the screen.
+const STAYS_S: f64 = 10.0;
+
+/// The sky of the last ten seconds, which all pages share: to find the places of all stars takes as long as a hundred other answers.
+#[derive(Debug, Default)]
+pub(crate) struct Skies(Mutex<Option<Sky>>);
+
+impl Skies {
+    /// The sky at a time; of the target as it stands then.
+    pub fn at(
+        &self,
+        station: &Station,
+        start: Epoch,
+        utc: Epoch,
+        target: Option<&Target>,
+    ) -> Option<Sky> {
+        let at_s = (utc - start).to_seconds();
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.as_ref().is_none_or(|sky| (sky.at_s - at_s).abs() > STAYS_S) {
+            *known = Some(Sky::at(station, start, utc, None)?);
+        }
+        let sky = known.clone()?;
+        drop(known);
+        Some(Sky { at_s, target: placed(station, utc, target), ..sky })
+    }
+}
+
+fn placed(
+    station: &Station,
+    utc: Epoch,
+    target: Option<&Target>,
+) -> Option<(String, AzimuthAltitude)> {
+    let target = target?;
+    let place = Pointing::new(station.clone()).horizontal_deg(target, utc)?;
+    Some((target.name.clone(), place))
 }
 
 impl Sky {
@@ -101,10 +141,6 @@ impl Sky {
             SkyPlanet { name: planet.name(), at_deg, v_mag: seen.place.v_mag }
         });
         let moon = observer.moon();
-        let place = target.and_then(|target| {
-            let place = Pointing::new(station.clone()).horizontal_deg(target, utc)?;
-            Some((target.name.clone(), place))
-        });
         Some(Self {
             at_s: (utc - start).to_seconds(),
             stars: stars.collect(),
@@ -113,7 +149,7 @@ impl Sky {
             moon_deg: degrees(moon.horizontal),
             moon_lit: moon.place.illuminated_fraction(),
             moon_limit_deg: MOON_DEG,
-            target: place,
+            target: placed(station, utc, target),
             horizon_deg: (0..36)
                 .map(|i| station.horizon.elevation_deg(10.0 * f64::from(i)))
                 .collect(),
@@ -133,8 +169,8 @@ impl SkyTrack {
         let length_s = (to - from).to_seconds().max(0.0);
         let steps = ((length_s / 5.0).ceil() as usize).clamp(1, POINTS);
         let mut pointing = Pointing::new(station.clone());
-        let mut track =
-            Self { name: target.name.clone(), at_s: vec![], at_deg: vec![], lit: vec![] };
+        let (at_s, at_deg, lit, v_mag) = (vec![], vec![], vec![], vec![]);
+        let mut track = Self { name: target.name.clone(), at_s, at_deg, lit, v_mag };
         for i in 0..=steps {
             let utc = from + Duration::from_seconds(length_s * i as f64 / steps as f64);
             track.at_deg.push(pointing.horizontal_deg(target, utc)?);

@@ -162,6 +162,13 @@ function theme() {
 function css(name) {
   return getComputedStyle(root).getPropertyValue(name).trim();
 }
+// Bright is warm, faint is cold; red light has one colour, and its width alone.
+function lightColour(v) {
+  if (theme() === "red") return css("--accent");
+  const part = clamp((7 - v) / 7, 0, 1);
+  return `hsl(${220 - 190 * part} 85% ${theme() === "dark" ? 65 : 38}%)`;
+}
+const thickness = (v) => clamp(4.5 - 0.5 * v, 1.2, 4.5);
 const lineColour = (i) => LINES[theme()][i % 6];
 function paintTheme() {
   root.dataset.theme = theme();
@@ -380,9 +387,10 @@ export function zscale(values) {
 function stretch(pixels) {
   const kind = $("stretch").value;
   const step = Math.max(1, Math.floor(pixels.length / 20000));
-  const sample = [];
-  for (let i = 0; i < pixels.length; i += step) sample.push(pixels[i]);
-  sample.sort((a, b) => a - b);
+  // Numbers that are typed sort five times as fast: this is done for each frame.
+  const sample = new Uint16Array(Math.ceil(pixels.length / step));
+  for (let i = 0; i < sample.length; i++) sample[i] = pixels[i * step];
+  sample.sort();
   const at = (q) => sample[Math.round(q * (sample.length - 1))] ?? 0;
   let [low, high, curve, soft] = [at(0.002), Math.max(at(0.9998), at(0.002) + 1), (x) => x, null];
   if (kind === "zscale") [low, high] = zscale(pixels);
@@ -396,10 +404,12 @@ function stretch(pixels) {
   }
   const red = theme() === "red";
   const table = new Uint32Array(65536);
-  for (let v = 0; v < 65536; v++) {
-    const g = Math.round(255 * curve(clamp((v - low) / (high - low || 1), 0, 1)));
-    table[v] = 0xff000000 | (red ? g : (g << 16) | (g << 8) | g);
-  }
+  const colour = (part) => { const g = Math.round(255 * curve(part)); return 0xff000000 | (red ? g : (g << 16) | (g << 8) | g); };
+  // The curve is worked out between its ends alone.
+  const [first, last] = [Math.ceil(Math.max(low, 0)), Math.min(Math.floor(high), 65535)];
+  table.fill(colour(0), 0, first);
+  for (let v = first; v <= last; v++) table[v] = colour(clamp((v - low) / (high - low || 1), 0, 1));
+  table.fill(colour(1), Math.max(0, last + 1));
   return { table, low, high, soft };
 }
 
@@ -1077,7 +1087,10 @@ function drawSky() {
       const [a, b] = [track.at_deg[i - 1], track.at_deg[i]];
       if (a[1] <= 0 || b[1] <= 0) continue;
       const dark = track.lit.length > 0 && !(track.lit[i] && track.lit[i - 1]);
-      c.lineWidth = dark ? 1 : present ? 2.5 : 1;
+      // As bright as it is expected to be there, where the plan says it.
+      const v = track.v_mag[i] ?? null;
+      if (track.v_mag.length) c.strokeStyle = lightColour(v ?? 99);
+      c.lineWidth = dark ? 1 : v !== null ? thickness(v) * (present ? 1.5 : 1) : present ? 2.5 : 1;
       c.setLineDash(dark ? [2, 4] : []);
       c.beginPath(); c.moveTo(...place(a)); c.lineTo(...place(b)); c.stroke();
       c.setLineDash([]);
@@ -1150,7 +1163,9 @@ function skyUnder(event) {
     const to = track.at_s.at(-1);
     const highest = Math.max(...track.at_deg.map((place) => place[1]));
     const dark = track.lit.length && !track.lit.every(Boolean) ? ", part of it in the Earth's shadow" : "";
-    for (const place of track.at_deg) offer(place, () => `${track.name}, ${utc(from, 0)} to ${utc(to, 0)}, up to ${highest.toFixed(0)}°${dark}`);
+    const light = track.v_mag.filter((v) => v !== null);
+    const best = light.length ? `, V ${Math.min(...light).toFixed(1)} at best` : "";
+    track.at_deg.forEach((place, i) => offer(place, () => `${track.name}, ${utc(from, 0)} to ${utc(to, 0)}, up to ${highest.toFixed(0)}°${best}${(track.v_mag[i] ?? null) === null ? "" : `, here V ${track.v_mag[i].toFixed(1)}`}${dark}`));
   }
   return best?.say() ?? null;
 }
@@ -2191,9 +2206,25 @@ async function live() {
         alarms();
       }
     }
-    const pause = failed ? Math.min(1000, 200 * failed) : document.hidden ? 1000 : 100;
+    const pause = failed ? Math.min(1000, 200 * failed) : document.hidden ? 1000 : S.live?.ended ? 100 : inStep(begun);
     await new Promise((done) => setTimeout(done, Math.max(0, pause - (performance.now() - begun))));
   }
+}
+
+// How long after the last question to ask for news again, ms: ten times a second, in step with the camera, so that a frame is asked for when it is there and not up to 0.1 s later. The question at which
+// a frame is due comes a little earlier each time, until one is too early: that one is asked again at once, and the step is set back.
+const STEP = { camera: null, of: null, at: 0, every: 0, early: 0 };
+function inStep(begun) {
+  const frame = S.live?.devices[S.camera]?.frame;
+  if (!frame) return 100;
+  if (STEP.camera !== S.camera || frame.start_s !== STEP.of) {
+    const every = 1000 * (frame.start_s - STEP.of);
+    Object.assign(STEP, { camera: S.camera, of: frame.start_s, at: begun, every: STEP.camera === S.camera && every > 0 && every < 5000 ? every : 0, early: 0 });
+  }
+  if (!STEP.every) return 100;
+  const wait = STEP.at + STEP.every - 4 - begun;
+  if (wait > 0) return clamp(wait, 20, 100);
+  return ++STEP.early <= 2 ? 20 : 100;
 }
 
 async function steer(action, text = "", more = {}) {
@@ -2508,7 +2539,7 @@ async function begin() {
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, onToken, redraw, row, setDraw, span, swatchOf, theme, ticks, token, utc, wakened, warnings };
+export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, notice, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeTicks, token, utc, wakened, warnings };
 // This program came: theme.js may load the page again when it does not.
 try { sessionStorage.setItem("sunglint-reloads", 0); } catch { /* nothing is kept */ }
 begin();

@@ -1,16 +1,10 @@
 // A night that is planned by hand: passes and stars, picked on the sky or from the list, in an order; saved as NIGHT.toml.
-import { $, S, Refused, ask, clamp, complain, css, latest, loadSky, onToken, redraw, row, span, theme, token, utc } from "./page.js";
+import { $, S, STROKES, Refused, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeTicks, token, utc } from "./page.js";
 
-const P = { picks: [], chosen: null, plan: null, saved: null };
+const LEFT_OUT = 3;
+const P = { picks: [], chosen: null, plan: null, saved: null, curves: null };
 window.sunglint.planning = P;
 
-// Bright is warm, faint is cold; red light has one colour, and its width alone.
-function lightColour(v) {
-  if (theme() === "red") return css("--accent");
-  const part = clamp((7 - v) / 7, 0, 1);
-  return `hsl(${220 - 190 * part} 85% ${theme() === "dark" ? 65 : 38}%)`;
-}
-const thickness = (v) => clamp(4.5 - 0.5 * v, 1.2, 4.5);
 const words = (pass) => `${pass.label}, ${utc(pass.from_s, 0)} to ${utc(pass.to_s, 0)}, V ${pass.v_mag.toFixed(1)}, up to ${Math.round(pass.highest_deg)}°`;
 
 // What lies on the sky: tracks with a tick each minute, and a ring where the shadow begins or ends.
@@ -18,15 +12,15 @@ function overlay({ c, place, em }) {
   P.place = place;
   const picked = new Set(P.picks.filter((p) => "pass" in p).map((p) => p.pass));
   S.about.passes.forEach((pass, n) => {
-    const colour = lightColour(pass.v_mag);
-    const wide = thickness(pass.v_mag) * (n === P.chosen ? 1.8 : 1);
     const faded = picked.size && !picked.has(n) && n !== P.chosen;
     c.globalAlpha = faded ? 0.45 : 1;
     for (let i = 1; i < pass.at_s.length; i++) {
       if (pass.at_deg[i][1] < 0 || pass.at_deg[i - 1][1] < 0) continue;
       const seen = pass.lit[i] && pass.lit[i - 1] && pass.dark[i];
-      c.strokeStyle = colour;
-      c.lineWidth = seen ? wide : 1;
+      // As bright as it is there.
+      const v = pass.v_at_mag[i] ?? 99;
+      c.strokeStyle = lightColour(v);
+      c.lineWidth = seen ? thickness(v) * (n === P.chosen ? 1.8 : 1) : 1;
       c.setLineDash(seen ? [] : [2, 4]);
       c.beginPath(); c.moveTo(...place(pass.at_deg[i - 1])); c.lineTo(...place(pass.at_deg[i])); c.stroke();
       if (pass.lit[i] !== pass.lit[i - 1]) {
@@ -121,15 +115,142 @@ function choose(n) {
     rate.counted_hz === null ? "–" : `${rate.counted_hz.toPrecision(3)} Hz`,
     rate.saturated ? "saturated" : "",
   )));
+  const speeds = pass.speed_deg_per_s.filter((v) => v !== null);
+  $("pass-speed").textContent = speeds.length ? `over the sky at ${Math.min(...speeds).toPrecision(2)} to ${Math.max(...speeds).toPrecision(2)} °/s` : "";
+  P.curves = null;
+  curves(n);
   $("pass-details").hidden = false;
+  redraw("pass-curve");
   $("pass-add").disabled = has({ pass: n }) >= 0;
   seek(clamp((pass.from_s + pass.to_s) / 2, 0, S.about.length_s));
+}
+
+// The light of the chosen pass along its course.
+const curves = latest(async (n) => {
+  try {
+    const found = await get(`curves?pass=${n}`);
+    if (n === P.chosen) P.curves = found;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    complain(error);
+  }
+  const units = $("pass-unit");
+  const known = (P.curves ?? []).filter((curve) => curve.arriving.some((v) => v !== null));
+  const names = ["V", ...known.map((curve) => curve.unit)].filter((name, i, all) => all.indexOf(name) === i);
+  const before = units.value;
+  units.replaceChildren(...names.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: name === "V" ? "V magnitude" : name })));
+  if (names.includes(before)) units.value = before;
+  redraw("pass-curve");
+});
+
+// Lines of the chart: V at the station, or the channels that have this unit; of a counter what it reports, dashed, too.
+function lines() {
+  const pass = S.about.passes[P.chosen];
+  if ($("pass-unit").value !== "V" && P.curves) {
+    const known = P.curves.filter((curve) => curve.unit === $("pass-unit").value && curve.arriving.some((v) => v !== null));
+    return known.flatMap((curve, k) => [{ name: curve.channel, k, values: curve.arriving, saturated: curve.saturated }, ...(curve.counted_hz.some((v) => v !== null) ? [{ name: null, k, values: curve.counted_hz, saturated: [] }] : [])]);
+  }
+  return [{ name: "V", k: 0, values: pass.v_at_mag, saturated: [] }];
+}
+
+function drawPassCurve() {
+  const pass = S.about.passes[P.chosen];
+  if (!pass) return;
+  const { c, w, h, em } = fit($("pass-curve"));
+  const box = { l: 4.4 * em, r: w - 0.8 * em, t: 0.8 * em, b: h - 1.7 * em };
+  const magnitudes = $("pass-unit").value === "V";
+  const shown = lines();
+  const points = shown.flatMap((line) => line.values.filter((v) => v !== null && (magnitudes || v > 0)));
+  const [from, to] = [pass.at_s[0], pass.at_s.at(-1)];
+  const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
+  c.fillStyle = css("--soft");
+  if (!points.length) { c.textBaseline = "middle"; c.fillText("no light is expected", box.l, h / 2); return; }
+  const value = (v) => (magnitudes ? -v : Math.log10(v));
+  let [low, high] = [Math.min(...points.map(value)), Math.max(...points.map(value))];
+  // Near the horizon and near the shadow light goes to nothing: what is below a millionth of the highest is not drawn.
+  low = Math.max(low, high - (magnitudes ? 15 : 6));
+  const room = 0.06 * (high - low) || 0.1;
+  [low, high] = [low - room, high + room];
+  const y = (v) => box.b - ((value(v) - low) / (high - low)) * (box.b - box.t);
+  // Where it cannot be seen: in the shadow, by day.
+  c.fillStyle = css("--line");
+  for (let i = 1; i < pass.at_s.length; i++) {
+    if (pass.lit[i] && pass.lit[i - 1] && pass.dark[i]) continue;
+    c.globalAlpha = 0.5;
+    c.fillRect(x(pass.at_s[i - 1]), box.t, x(pass.at_s[i]) - x(pass.at_s[i - 1]), box.b - box.t);
+    c.globalAlpha = 1;
+  }
+  c.strokeStyle = css("--line");
+  c.fillStyle = css("--soft");
+  c.lineWidth = 1;
+  c.textBaseline = "top";
+  const time = timeTicks(from, to, Math.max(2, (box.r - box.l) / (6 * em)));
+  for (const t of time.at) {
+    c.beginPath(); c.moveTo(x(t), box.t); c.lineTo(x(t), box.b); c.stroke();
+    const text = time.short ? utc(t, 0).slice(0, 5) : utc(t, time.digits);
+    const half = c.measureText(text).width / 2;
+    if (x(t) - half > 0 && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
+  }
+  c.textBaseline = "middle";
+  const marks = ticks(low, high, Math.max(2, (box.b - box.t) / (2.4 * em)));
+  const written = numbersOf(marks);
+  for (const v of marks) {
+    const at = box.b - ((v - low) / (high - low)) * (box.b - box.t);
+    c.beginPath(); c.moveTo(box.l, at); c.lineTo(box.r, at); c.stroke();
+    const text = magnitudes ? written(v === 0 ? 0 : -v) : $("pass-unit").value === "Hz" ? hertz(10 ** v) : (10 ** v).toPrecision(2);
+    c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, at);
+  }
+  c.save();
+  c.beginPath(); c.rect(box.l, box.t, box.r - box.l, box.b - box.t); c.clip();
+  for (const line of shown) {
+    c.strokeStyle = c.fillStyle = lineColour(line.k);
+    c.lineWidth = 1.5;
+    c.setLineDash(line.name === null ? [4, 3] : theme() === "red" ? STROKES[line.k % 4] : []);
+    c.beginPath();
+    let on = false;
+    line.values.forEach((v, i) => {
+      if (v === null || (!magnitudes && v <= 0)) { on = false; return; }
+      on ? c.lineTo(x(pass.at_s[i]), y(v)) : c.moveTo(x(pass.at_s[i]), y(v));
+      on = true;
+    });
+    c.stroke();
+    c.setLineDash([]);
+    // A thick line where a counter saturates.
+    c.lineWidth = 5;
+    c.globalAlpha = 0.4;
+    c.beginPath();
+    line.saturated.forEach((is, i) => { if (is && line.saturated[i - 1]) { c.moveTo(x(pass.at_s[i - 1]), y(line.values[i - 1])); c.lineTo(x(pass.at_s[i]), y(line.values[i])); } });
+    c.stroke();
+    c.globalAlpha = 1;
+  }
+  c.restore();
+  if (S.t >= from && S.t <= to) {
+    c.lineWidth = 1;
+    c.strokeStyle = css("--ink");
+    c.beginPath(); c.moveTo(x(S.t), box.t); c.lineTo(x(S.t), box.b); c.stroke();
+  }
+  $("pass-curve").plot = { from, to, l: box.l, r: box.r };
+  const best = magnitudes ? `brightest V ${Math.min(...points).toFixed(1)}` : `up to ${Math.max(...points).toPrecision(3)} ${$("pass-unit").value}`;
+  $("pass-curve").setAttribute("aria-label", `predicted light of ${words(pass)}: ${best}`);
+  const known = shown.filter((line) => line.name !== null);
+  $("pass-legend").replaceChildren(...known.map((line) => {
+    const item = document.createElement("span");
+    const swatch = document.createElement("span");
+    swatch.className = "swatch";
+    swatch.style.background = swatchOf(line.k);
+    item.append(swatch, ` ${line.name === "V" ? "V at the station" : line.name}`);
+    return item;
+  }));
+  if (shown.some((line) => line.name === null)) $("pass-legend").append(Object.assign(document.createElement("span"), { textContent: "dashed: as the counter reports it; thick: saturated" }));
 }
 
 const plan = latest(async (picks) => {
   try {
     P.plan = await ask("plan", { picks });
-    $("plan-why").textContent = [...P.plan.warnings, ...P.plan.left_out.map((what) => `left out: ${what}`)].join(" · ");
+    // A night of many passes leaves most of them out: a few are told, the others in the pointer's text.
+    const [told, more] = [P.plan.left_out.slice(0, LEFT_OUT), P.plan.left_out.slice(LEFT_OUT)];
+    $("plan-why").textContent = [...P.plan.warnings, ...told.map((what) => `left out: ${what}`), ...(more.length ? [`and ${more.length} more are left out`] : [])].join(" · ");
+    $("plan-why").title = more.join("\n");
     $("plan-save").disabled = false;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
@@ -216,6 +337,7 @@ function seek(t) {
   $("clock").textContent = `${new Date(S.about.start_unix_ms + t * 1000).toISOString().slice(0, 10)} ${utc(t, 0)} UTC`;
   loadSky(t);
   redraw("sky");
+  if (P.chosen !== null) redraw("pass-curve");
 }
 
 export async function planning() {
@@ -244,6 +366,14 @@ export async function planning() {
     const what = under(event);
     $("sky").style.cursor = what ? "pointer" : "";
     $("sky-text").textContent = what ? ("pass" in what ? words(S.about.passes[what.pass]) : what.star) : "click a star to add it, a pass to see what it gives; north is up, east is left";
+  });
+  setDraw("pass-curve", drawPassCurve);
+  $("pass-unit").addEventListener("change", () => redraw("pass-curve"));
+  $("pass-curve").addEventListener("click", (event) => {
+    const plot = $("pass-curve").plot;
+    if (!plot) return;
+    const at = event.clientX - $("pass-curve").getBoundingClientRect().left;
+    seek(clamp(plot.from + ((at - plot.l) / (plot.r - plot.l)) * (plot.to - plot.from), plot.from, plot.to));
   });
   $("pass-add").addEventListener("click", () => add({ pass: P.chosen }));
   $("plan-clear").addEventListener("click", () => { P.picks = []; changed(); });

@@ -62,6 +62,17 @@ pub struct SightingEvent {
     pub twilight: Twilight,
 }
 
+impl SightingEvent {
+    /// The standard magnitude (V at 1,000 km, half lit) by which a target has this V here; `None` in the umbra.
+    pub fn standard_magnitude(&self) -> Option<f64> {
+        let Geometry { phase_rad, range_m, sun, sunlit, .. } = self.geometry;
+        let nought = Brightness::Standard { magnitude: 0.0 };
+        let factor = nought.of_sunlight(phase_rad, range_m, sun.distance_m, sunlit, 0.0);
+        let magnitude = self.v_mag + 2.5 * factor.log10();
+        magnitude.is_finite().then_some(magnitude)
+    }
+}
+
 /// Light that arrives and is counted at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExpectedLight {
@@ -201,6 +212,19 @@ impl<'a> Photometer<'a> {
         Ok(Self { station, air, light, frames, zero, exposure_s, sun_v, nodes })
     }
 
+    /// Where everything is at a moment, and the light that is expected then. Every threshold is left aside: a target below the horizon has no light, one in the umbra neither.
+    ///
+    /// # Errors
+    /// A moment outside the frames, an orbit without a place then, a model without light.
+    pub fn at(
+        &self,
+        orbit: &Orbit,
+        epoch: Epoch,
+    ) -> Result<(SightingEvent, ExpectedLight), SightingError> {
+        let event = self.event(orbit, epoch)?;
+        Ok((event, self.expected(orbit, &event)?))
+    }
+
     /// Sunlight times this arrives above the air.
     fn factor(&self, brightness: Brightness, geometry: &Geometry) -> f64 {
         let Geometry { phase_rad, range_m, sun, sunlit, .. } = geometry;
@@ -265,7 +289,7 @@ impl<'a> Photometer<'a> {
         event: &SightingEvent,
     ) -> Result<ExpectedLight, SightingError> {
         match &self.light {
-            SightingLight::Law(law) => Ok(self.expected_by(*law, event)),
+            SightingLight::Law(law) => Ok(self.by_law(*law, &event.geometry)),
             SightingLight::Model(ready, _) => {
                 let sample = self.sample(&mut ready.eye(), orbit, event.geometry.epoch)?;
                 let v = sample.ground_magnitudes[V];
@@ -280,9 +304,10 @@ impl<'a> Photometer<'a> {
         }
     }
 
-    fn expected_by(&self, law: Brightness, event: &SightingEvent) -> ExpectedLight {
-        let altitude_deg = event.geometry.horizontal.altitude_deg();
-        let factor = self.factor(law, &event.geometry);
+    /// The light of a target that has this law of brightness.
+    pub fn by_law(&self, law: Brightness, geometry: &Geometry) -> ExpectedLight {
+        let altitude_deg = geometry.horizontal.altitude_deg();
+        let factor = self.factor(law, geometry);
         let channels = &self.station.channels;
         if altitude_deg < 0.0 || factor <= 0.0 {
             return ExpectedLight { v_station: None, channels: vec![None; channels.len()] };
