@@ -36,8 +36,11 @@ use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
 
 /// Settings of a camera whose calibrations are held at a time.
 const SETTINGS: usize = 16;
-/// Frames that are measured side by side: a number of its own, so that results do not depend on the machine. Each expects the target as far off as before the first of them.
+/// Frames of a target that is followed that are measured side by side: a number of its own, so that results do not depend on the machine. Each expects the target as far off as before the first of them.
 const SIDE_BY_SIDE: usize = 8;
+/// Frames that do not hang on each other: so many, and so many pixels, since threads wait for the last of them.
+const MOST_SIDE_BY_SIDE: usize = 64;
+const PIXELS_SIDE_BY_SIDE: usize = 16 << 20;
 /// Frames that were read and wait to be measured at most: the next ones to be measured side by side.
 const WAITING: usize = SIDE_BY_SIDE;
 
@@ -353,7 +356,14 @@ pub fn camera_night(
                 let goes_on = batch.first().is_none_or(|first| {
                     first.stay == stay && first.back == back && !by_hand.places.contains_key(&i)
                 });
-                if !goes_on || batch.len() == SIDE_BY_SIDE {
+                let most = match batch.first() {
+                    Some(Ahead { back: None, frame: Ok(frame), .. }) => {
+                        let fit = PIXELS_SIDE_BY_SIDE / frame.pixels.len().max(1);
+                        fit.min(MOST_SIDE_BY_SIDE).max(SIDE_BY_SIDE)
+                    }
+                    _ => SIDE_BY_SIDE,
+                };
+                if !goes_on || batch.len() >= most {
                     break;
                 }
                 step(progress, 1)?;
