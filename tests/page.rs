@@ -533,7 +533,11 @@ fn the_sky_ahead(browser: &mut Browser) {
 fn a_night_is_steered_from_the_page() {
     let Some(mut browser) = Browser::start("a_night_is_steered_from_the_page") else { return };
     let folder = Folder::new("page-live");
-    std::fs::write(folder.path("night.toml"), LIVE_PLAN).unwrap();
+    // Nothing answers at the focuser's address.
+    let focuser =
+        "interval_s = 0.3\nfocuser = { device = \"alpaca-focuser:127.0.0.1:1/0\", step = 500 }";
+    let plan = LIVE_PLAN.replace("interval_s = 0.3", focuser);
+    std::fs::write(folder.path("night.toml"), plan).unwrap();
     let arguments = ["observe", "night.toml", "-o", "session", "--anyway", "--page", "127.0.0.1:0"];
     let mut serving = Serving::start(&folder, &arguments);
     let _held = clients(&serving);
@@ -575,6 +579,10 @@ fn a_night_is_steered_from_the_page() {
     type_into(&mut browser, "#expose-gain", "");
     browser.click("#expose-form button");
     browser.until(&format!("sunglint.frame.header.exposure_s === {planned}"));
+    // A focuser that is not there is told of, and the visit goes on. One that is there: observatory/tests/focus.rs.
+    browser.click("#focus");
+    browser.until("document.getElementById('events').innerText.includes('its focuser: ')");
+    browser.until("document.getElementById('mode').innerText === 'live'");
     // A refusal is an answer, and the browser's own log tells of it.
     browser.complaints.retain(|text| !text.contains("422") && !text.contains("409"));
     browser.run("document.getElementById('note').value = '<i>a</i> cloud'");
@@ -610,13 +618,14 @@ fn a_night_is_steered_from_the_page() {
         ("skip", ""),
         ("expose", "cam: 0.05 s"),
         ("expose", "cam: as planned"),
+        ("focus", "cam"),
         ("note", "<i>a</i> cloud"),
         ("stop", ""),
     ];
     let expected: Vec<_> =
         expected.iter().map(|(a, t)| ((*a).to_owned(), (*t).to_owned())).collect();
     assert_eq!(controls(&session), expected);
-    assert_eq!(targets(&session), ["sky", "none", "sky", "Polaris"]);
+    assert_eq!(targets(&session), ["sky", "none", "sky", "Polaris", "none", "Polaris"]);
     let report = session.check().unwrap();
     assert!(report.is_whole(), "{:?}", report.findings);
     assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));

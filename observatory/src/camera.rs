@@ -1,5 +1,6 @@
 //! A camera's thread: frames from start to start, set as each visit asks.
 
+use super::focus::run::{self as focus, Seen};
 use super::mount::{Aim, Ready, Sights, Waiting};
 use super::movers::{Before, FrameFilter};
 use super::plan::CameraPlan;
@@ -10,6 +11,7 @@ use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
 use serde_json::json;
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::clock_offset_s;
@@ -161,6 +163,12 @@ impl CameraWork {
         let mut works = false;
         let mut before: Option<Now> = None;
         while !worker.is_over() {
+            if worker.schedule.takes_focus(&self.plan.name) {
+                let done = self.focus(camera.as_mut(), worker);
+                worker.schedule.end_focus();
+                done?;
+                grid = Grid::default();
+            }
             let now = self.now(worker);
             if let Some(before) = before.replace(now.clone()).filter(|b| b.step != now.step) {
                 self.tell_short(&before, worker);
@@ -311,6 +319,62 @@ impl CameraWork {
         let took = worker.clock.clock.now().saturating_sub(begun);
         let left = whole.interval_s.map(|interval| seconds(interval.get()).saturating_sub(took));
         let _ = worker.within(Duration::MAX).sleep(left.unwrap_or_default());
+        Ok(())
+    }
+
+    /// Goes through the focus, as a person asked: with frames of the whole sensor, which are not recorded. What came of it is in the log.
+    fn focus(&mut self, camera: &mut dyn Camera, worker: &mut Worker) -> Result<(), DeviceError> {
+        let Some(plan) = self.plan.focuser.clone() else { return Ok(()) };
+        let about = self.plan.name.clone();
+        let failed = |worker: &Worker, error: String| {
+            worker.status.say(format!("{about}: {error}"));
+            worker.disk.event(worker.clock.utc(), What::Error { about: about.clone(), error });
+        };
+        let mut focuser = match worker.opener.focuser(&plan, &worker.within(READY)) {
+            Ok(focuser) => focuser,
+            Err(error) => {
+                failed(worker, format!("its focuser: {error}"));
+                return Ok(());
+            }
+        };
+        let mut wide = self.plan.clone();
+        (wide.window_px, wide.binning) = (None, None);
+        self.prepare(camera, &wide, worker)?;
+        self.tell_type(camera, "light", worker)?;
+        let said = |worker: &Worker, fields: serde_json::Value| {
+            let serde_json::Value::Object(mut fields) = fields else { return };
+            fields.insert("camera".into(), about.clone().into());
+            worker.disk.event(worker.clock.utc(), What::Other { kind: "focus".into(), fields });
+        };
+        let options = plan.options(self.plan.exposure_s.get());
+        let mut each = |seen: &Seen| {
+            let radius = seen.sharpness.map_or("no star".into(), |s| format!("{:.2} px", s.hfr_px));
+            worker.status.say(format!("{about}: focuser at {}: {radius}", seen.position));
+            said(worker, serde_json::to_value(seen).unwrap_or_default());
+            match worker.is_over() || !worker.schedule.focus_goes_on() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        let run =
+            focus::run(camera, focuser.as_mut(), &worker.clock, &worker.cancel, options, &mut each);
+        match run {
+            Ok(run) => {
+                let at = run.stands_at.unwrap_or_default();
+                let best = run.curve.map_or(String::new(), |curve| {
+                    format!(", ± {:.0} steps (1σ), {:.2} px", curve.sigma, curve.least_px)
+                });
+                worker.status.say(format!("{about}: in focus at {at}{best}"));
+                said(worker, json!({"stands_at": run.stands_at, "curve": run.curve}));
+            }
+            Err(run) => {
+                let back = match run.returned {
+                    true => "the focuser stands where it stood",
+                    false => "where the focuser stands is not known",
+                };
+                failed(worker, format!("no focus: {run}; {back}"));
+            }
+        }
         Ok(())
     }
 

@@ -83,7 +83,7 @@ pub use mount::MountPlan;
 pub use night::{Incomplete, Night, NightError, Summary};
 pub use opener::{Catalogue, Opener};
 pub use plan::{
-    CameraPlan, CounterPlan, MakeVirtual, NightClock, Plan, PlanError, RotatorPlan,
+    CameraPlan, CounterPlan, FocuserPlan, MakeVirtual, NightClock, Plan, PlanError, RotatorPlan,
     VIRTUAL_ADDRESS, VirtualRequest, WheelPlan,
 };
 pub use playback::Playback;

@@ -71,6 +71,11 @@ pub enum Control {
         /// Gain in the camera's own steps.
         gain: Option<Finite>,
     },
+    /// A camera goes through its focus; meanwhile what is recorded belongs to no visit. `Resume` ends it early.
+    Focus {
+        /// Name of the camera.
+        camera: String,
+    },
     /// The present visit, or else the last one, once more, whole and from now on.
     Repeat,
     /// A light of a frame is the target that the mount follows.
@@ -116,6 +121,7 @@ impl Control {
             Self::Stop => "stop",
             Self::Note(_) => "note",
             Self::Expose { .. } => "expose",
+            Self::Focus { .. } => "focus",
             Self::Repeat => "repeat",
             Self::Lock(_) => "lock",
             Self::Keep(_) => "keep",
@@ -130,6 +136,7 @@ impl Control {
     pub fn text(&self) -> String {
         match self {
             Self::Note(text) => text.clone(),
+            Self::Focus { camera } => camera.clone(),
             Self::Expose { camera, exposure_s: None, gain: None } => {
                 format!("{camera}: as planned")
             }
@@ -615,6 +622,8 @@ struct Inner {
     snapshot: Option<Snapshot>,
     paused: bool,
     can_pause: bool,
+    /// Cameras with a focuser.
+    focusers: Vec<String>,
     /// Least distance of the mount from the Sun, deg.
     sun_limit_deg: Option<f64>,
     /// Hour angle up to which a mount that may turn over follows, deg.
@@ -704,6 +713,8 @@ impl LiveState {
         let name = night.root.file_name().unwrap_or_default();
         inner.name = name.to_string_lossy().into_owned();
         inner.can_pause = can_pause;
+        let with = night.cameras.iter().filter(|camera| camera.focuser.is_some());
+        inner.focusers = with.map(|camera| camera.name.clone()).collect();
         inner.sun_limit_deg = night.mount.as_ref().map(|mount| mount.sun_limit_deg());
         let turns = |mount: &&MountPlan| mount.german != Some(false);
         inner.past_meridian_deg =
@@ -842,6 +853,11 @@ impl LiveState {
     /// The station; `None` before the night begins.
     pub fn station(&self) -> Option<Station> {
         lock(&self.inner).station.clone()
+    }
+
+    /// Cameras with a focuser, by name.
+    pub fn focusers(&self) -> Vec<String> {
+        lock(&self.inner).focusers.clone()
     }
 
     /// Least distance of the mount from the Sun, deg; `None` without a mount.

@@ -461,6 +461,7 @@ impl Night {
             cancel,
             schedule: schedule.clone(),
             before_pause: None,
+            resumes_after_focus: false,
             waits: false,
             hand,
             sequence: self.schedule.has_sequences(),
@@ -629,6 +630,8 @@ struct Watch<'a> {
     schedule: Arc<SharedSchedule>,
     /// The schedule that a pause interrupts.
     before_pause: Option<Arc<Schedule>>,
+    /// Whether the night was paused for a run through the focus.
+    resumes_after_focus: bool,
     /// Whether a person skipped the last visit: the night waits until its planned end.
     waits: bool,
     /// A person's hand on the mount.
@@ -667,6 +670,7 @@ impl Watch<'_> {
             let night_utc = self.status.utc();
             self.tell_targets(night_utc);
             self.obey(night_utc, live);
+            self.after_focus(night_utc);
             if live {
                 self.step_on(night_utc);
             }
@@ -810,9 +814,29 @@ impl Watch<'_> {
             }
             Control::Pause if self.before_pause.is_some() => refused("it is paused already"),
             Control::Pause => {
-                self.before_pause = Some(schedule.clone());
-                self.exchange(schedule.paused(utc), utc);
+                self.pause(utc);
                 Ok("paused: what is recorded now belongs to no visit".into())
+            }
+            Control::Focus { camera } => {
+                let plan = self.night.cameras.iter().find(|plan| plan.name == *camera);
+                if plan.is_none_or(|plan| plan.focuser.is_none()) {
+                    return refused("the plan has no `focuser` for this camera");
+                }
+                if !self.schedule.ask_focus(camera) {
+                    return refused("a camera goes through its focus already");
+                }
+                if self.before_pause.is_none() {
+                    self.pause(utc);
+                    self.resumes_after_focus = true;
+                }
+                Ok("it goes through its focus: what is recorded now belongs to no visit; Resume ends it"
+                    .into())
+            }
+            Control::Resume if self.schedule.is_focusing() => {
+                // The camera goes back to where it stood; then the plan goes on.
+                self.resumes_after_focus = true;
+                self.schedule.cancel_focus();
+                Ok("the focuser goes back to where it stood, then the plan goes on".into())
             }
             Control::Resume => match self.before_pause.take() {
                 None => refused("it is not paused"),
@@ -847,6 +871,25 @@ impl Watch<'_> {
             | Control::Halt
             | Control::Park
             | Control::Follow => self.steer_mount(&asked.control).map_err(ControlError::Refused),
+        }
+    }
+
+    fn pause(&mut self, utc: Epoch) {
+        let schedule = self.schedule.get();
+        self.before_pause = Some(schedule.clone());
+        self.exchange(schedule.paused(utc), utc);
+    }
+
+    /// After a run through the focus that paused the night the plan goes on.
+    fn after_focus(&mut self, utc: Epoch) {
+        if !self.resumes_after_focus || self.schedule.is_focusing() {
+            return;
+        }
+        self.resumes_after_focus = false;
+        if let Some(plan) = self.before_pause.take() {
+            let schedule = self.schedule.get();
+            self.exchange(schedule.resumed(&plan, utc), utc);
+            self.tell_targets(utc);
         }
     }
 

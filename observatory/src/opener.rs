@@ -2,13 +2,13 @@
 
 use super::films::Films;
 use super::mount::MountPlan;
-use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
+use super::plan::{CameraPlan, CounterPlan, FocuserPlan, NightClock, Plan, RotatorPlan, WheelPlan};
 use std::fmt;
 use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{
-    Camera, DeviceError, FilterWheel, Mount, PhotonCounter, RotationStage,
+    Camera, DeviceError, FilterWheel, Focuser, Mount, PhotonCounter, RotationStage,
 };
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.
@@ -62,6 +62,19 @@ pub trait Opener: Send + Sync + fmt::Debug {
     ) -> Result<Box<dyn RotationStage>, DeviceError> {
         let _ = deadline;
         Err(another_kind(&plan.device, "device of this night, which has no rotators"))
+    }
+
+    /// Opens a focuser.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; of an opener without focusers always.
+    fn focuser(
+        &self,
+        plan: &FocuserPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn Focuser>, DeviceError> {
+        let _ = deadline;
+        Err(another_kind(&plan.device, "device of this night, which has no focusers"))
     }
 
     /// Opens the mount.
@@ -172,6 +185,17 @@ impl Opener for Catalogue {
         match Self::open(&plan.device, &plan.with, deadline)? {
             AnyDevice::RotationStage(stage) => Ok(stage),
             _ => Err(another_kind(&plan.device, "rotator")),
+        }
+    }
+
+    fn focuser(
+        &self,
+        plan: &FocuserPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn Focuser>, DeviceError> {
+        match Self::open(&plan.device, &plan.with, deadline)? {
+            AnyDevice::Focuser(focuser) => Ok(focuser),
+            _ => Err(another_kind(&plan.device, "focuser")),
         }
     }
 

@@ -1,5 +1,6 @@
 //! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
+use super::focus::run::{Approach, RunOptions};
 use super::mount::{MountPlan, needs_mount};
 use super::schedule::{Schedule, Slot};
 use super::sequence::{CameraSetup, Exposing, Step};
@@ -201,6 +202,51 @@ pub struct CameraPlan {
     /// Whether it takes no frames before a visit and between two.
     #[serde(default)]
     pub rests_between_visits: bool,
+    /// The focuser before it, which a person may run during the night.
+    #[serde(default)]
+    pub focuser: Option<FocuserPlan>,
+}
+
+/// A camera's focuser in the plan, and how it is run through the focus.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct FocuserPlan {
+    /// Address of the device in the catalogue of drivers.
+    pub device: String,
+    /// Options for its driver, `NAME=VALUE` each.
+    #[serde(default)]
+    pub with: Vec<String>,
+    /// Distance of two positions, steps.
+    pub step: i64,
+    /// Positions: nine without.
+    #[serde(default)]
+    pub points: Option<usize>,
+    /// Frames at each position: one without.
+    #[serde(default)]
+    pub frames: Option<usize>,
+    /// Exposure of a frame, s: the visit's without.
+    #[serde(default)]
+    pub exposure_s: Option<Positive>,
+    /// Steps by which a position is passed before it is approached: two steps without.
+    #[serde(default)]
+    pub overshoot: Option<i64>,
+    /// Side from which positions are approached: from lower ones without.
+    #[serde(default)]
+    pub approach: Option<Approach>,
+}
+
+impl FocuserPlan {
+    /// How it is run, with this exposure where it has none of its own.
+    pub fn options(&self, exposure_s: f64) -> RunOptions {
+        let exposure_s = self.exposure_s.map_or(exposure_s, Positive::get);
+        RunOptions::new(self.step, exposure_s).with(|options| {
+            options.points = self.points.unwrap_or(options.points);
+            options.frames = self.frames.unwrap_or(options.frames);
+            options.overshoot = self.overshoot.unwrap_or(options.overshoot);
+            options.approach = self.approach.unwrap_or(options.approach);
+        })
+    }
 }
 
 /// A counter in the plan.
@@ -247,6 +293,7 @@ impl CameraPlan {
             temperature_c: None,
             filter: None,
             rests_between_visits: false,
+            focuser: None,
         }
     }
 }
@@ -752,6 +799,22 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
             return Err(document.error_at(&format!("{key}.device"), expected));
         }
         known.push((name, parsed));
+    }
+    for (i, camera) in written.cameras.iter().enumerate() {
+        let Some(focuser) = &camera.focuser else { continue };
+        let key = format!("camera[{i}].focuser");
+        if written.virtual_night.is_some() {
+            let expected = "no focuser: a virtual night has none";
+            return Err(document.error_at(&key, expected));
+        }
+        let parsed = Address::parse(&focuser.device, &focuser.with)
+            .map_err(|error| document.error_at(&format!("{key}.device"), error.expected))?;
+        if parsed.driver.kind != Kind::Focuser {
+            let expected = format!("a {}; this is a {}", Kind::Focuser, parsed.driver.kind);
+            return Err(document.error_at(&format!("{key}.device"), expected));
+        }
+        let options = focuser.options(camera.exposure_s.get());
+        options.check().map_err(|error| document.error_at(&key, error.to_string()))?;
     }
     for (i, wheel) in written.wheels.iter().enumerate() {
         let mut filters = HashSet::new();

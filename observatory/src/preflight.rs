@@ -25,7 +25,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::{Deadline, utc_now};
 use sunglint_drivers::device::{
-    Camera, DeviceError, FilterWheel, Limits, PhotonCounter, RotationStage,
+    Camera, DeviceError, FilterWheel, Focuser, Limits, PhotonCounter, RotationStage,
 };
 use sunglint_formats::session::{ClockState, TargetKind};
 use sunglint_formats::time::format_utc;
@@ -532,6 +532,12 @@ enum Said {
     Wheel { names: Vec<String>, slots: u32 },
     Rotator { travel_deg: Option<Interval> },
     Counter { channels: Vec<String>, tags: bool },
+    Focuser { range: [i64; 2] },
+}
+
+/// Name of a camera's focuser in what is found.
+fn focuser_of(camera: &CameraPlan) -> String {
+    format!("{} focuser", camera.name)
 }
 
 /// Opens a device and asks it.
@@ -561,6 +567,13 @@ impl Opened {
             let (plan, opener) = (camera.clone(), opener.clone());
             let open = move |deadline: &Deadline| opener.camera(&plan, deadline).map(camera_said);
             spawn(&camera.name, Box::new(open));
+        }
+        for camera in &plan.cameras {
+            let Some(plan) = camera.focuser.clone() else { continue };
+            let opener = opener.clone();
+            let said = |focuser: Box<dyn Focuser>| Said::Focuser { range: focuser.range() };
+            let open = move |deadline: &Deadline| opener.focuser(&plan, deadline).map(said);
+            spawn(&focuser_of(camera), Box::new(open));
         }
         for counter in &plan.counters {
             let (plan, opener) = (counter.clone(), opener.clone());
@@ -595,8 +608,12 @@ impl Opened {
         options: &PreflightOptions,
         found: &mut Preflight,
     ) -> Vec<(String, [u32; 2])> {
-        let count =
-            plan.cameras.len() + plan.counters.len() + plan.wheels.len() + plan.rotators.len();
+        let focusers = plan.cameras.iter().filter(|camera| camera.focuser.is_some());
+        let count = plan.cameras.len()
+            + focusers.clone().count()
+            + plan.counters.len()
+            + plan.wheels.len()
+            + plan.rotators.len();
         let mut answers = Vec::new();
         while answers.len() < count {
             let left = self.until.saturating_duration_since(Instant::now());
@@ -619,6 +636,23 @@ impl Opened {
                     check_steps(camera, plan, sensor_px, limits.as_ref(), found);
                 }
                 other => not_there(name, other, options, found),
+            }
+        }
+        for (camera, focuser) in focusers.filter_map(|c| Some((c, c.focuser.as_ref()?))) {
+            let name = focuser_of(camera);
+            match answer(&name) {
+                Some(Ok(Said::Focuser { range: [least, most] })) => {
+                    let options = focuser.options(camera.exposure_s.get());
+                    // At most 99 points of a million steps.
+                    let way = options.step * (options.points as i64 - 1) + options.overshoot;
+                    if way > most.saturating_sub(least) {
+                        let text = format!(
+                            "a run through the focus takes {way} steps with its overshoot, the focuser has {least} to {most}: smaller `step`"
+                        );
+                        found.error(&name, text);
+                    }
+                }
+                other => not_there(&name, other, options, found),
             }
         }
         for counter in &plan.counters {

@@ -6,7 +6,7 @@ use hifitime::Epoch;
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{self, AtomicBool};
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
 use sunglint_formats::toml::{Finite, Positive};
@@ -357,8 +357,20 @@ pub struct SharedSchedule {
     finished: Mutex<HashSet<(String, u32)>>,
     /// Exposure and gain of a camera's next frames of the sky, as a person wished.
     wishes: Mutex<HashMap<String, CameraWish>>,
+    /// The run through the focus that a person asked for.
+    focus: Mutex<Option<FocusOrder>>,
     /// Whether the night is over, because its last visit is.
     over: AtomicBool,
+}
+
+/// A run through the focus that a person asked for.
+#[derive(Debug)]
+struct FocusOrder {
+    camera: String,
+    /// Whether the camera is at it.
+    begun: bool,
+    /// Whether the person wants no more of it.
+    cancelled: bool,
 }
 
 impl SharedSchedule {
@@ -369,6 +381,7 @@ impl SharedSchedule {
             schedule,
             finished: Mutex::default(),
             wishes: Mutex::default(),
+            focus: Mutex::default(),
             over: AtomicBool::new(false),
         }
     }
@@ -405,6 +418,51 @@ impl SharedSchedule {
     pub fn wished(&self, camera: &str) -> CameraWish {
         let wishes = self.wishes.lock().unwrap_or_else(PoisonError::into_inner);
         wishes.get(camera).copied().unwrap_or_default()
+    }
+
+    fn focus(&self) -> MutexGuard<'_, Option<FocusOrder>> {
+        self.focus.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Asks a camera to go through its focus; false where one is at it.
+    pub fn ask_focus(&self, camera: &str) -> bool {
+        let mut focus = self.focus();
+        if focus.is_some() {
+            return false;
+        }
+        *focus = Some(FocusOrder { camera: camera.into(), begun: false, cancelled: false });
+        true
+    }
+
+    /// Takes the order for a camera, once.
+    pub fn takes_focus(&self, camera: &str) -> bool {
+        let mut focus = self.focus();
+        let order = focus.as_mut().filter(|order| order.camera == camera && !order.begun);
+        order.map(|order| order.begun = true).is_some()
+    }
+
+    /// The person wants no more of it: one that has not begun is forgotten.
+    pub fn cancel_focus(&self) {
+        let mut focus = self.focus();
+        match &mut *focus {
+            Some(order) if order.begun => order.cancelled = true,
+            _ => *focus = None,
+        }
+    }
+
+    /// Whether a run that has begun should go on.
+    pub fn focus_goes_on(&self) -> bool {
+        self.focus().as_ref().is_some_and(|order| !order.cancelled)
+    }
+
+    /// The run is over.
+    pub fn end_focus(&self) {
+        *self.focus() = None;
+    }
+
+    /// Whether a run was asked for that is not over.
+    pub fn is_focusing(&self) -> bool {
+        self.focus().is_some()
     }
 
     /// The schedule as it stands.

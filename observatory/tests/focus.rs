@@ -4,12 +4,16 @@
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use sunglint_drivers::clock::{Cancel, DeviceClock, VirtualClock};
-use sunglint_drivers::device::Focuser as _;
+use std::time::{Duration, Instant};
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{Camera, DeviceError, Focuser, PhotonCounter};
+use sunglint_formats::session::{Session, What};
 use sunglint_observatory::focus::curve::{CurveError, Point, Shape, fit};
 use sunglint_observatory::focus::drift::{At, Drift, DriftError};
 use sunglint_observatory::focus::run::{Approach, FailedRun, FocusRun, RunError, RunOptions, run};
 use sunglint_observatory::focus::star::sharpness;
+use sunglint_observatory::live::{Control, LiveState, Seen};
+use sunglint_observatory::{CameraPlan, CounterPlan, FocuserPlan, Night, Opener, Plan};
 use sunglint_testkit::{Campaign, chance_of_misses};
 use sunglint_virtual::focus::{FocusBench, FocusOptions};
 use sunglint_virtual::observatory::random::{Purpose, seed_of};
@@ -266,4 +270,115 @@ fn the_drift_with_temperature_is_found() {
     assert!(matches!(Drift::of(&by_hand[..2]), Err(DriftError::TooFew { found: 2 })));
     let same = by_hand.iter().map(|run| At { temperature_c: 3.0, ..*run }).collect::<Vec<_>>();
     assert!(matches!(Drift::of(&same), Err(DriftError::NoSpan { .. })));
+}
+
+/// A night's only camera and its focuser, at the virtual telescope.
+#[derive(Debug)]
+struct AtBench(FocusBench);
+
+impl Opener for AtBench {
+    fn clock(&self, _: &str) -> DeviceClock {
+        DeviceClock::live()
+    }
+    fn camera(&self, _: &CameraPlan, _: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {
+        Ok(Box::new(self.0.camera()))
+    }
+    fn focuser(&self, _: &FocuserPlan, _: &Deadline) -> Result<Box<dyn Focuser>, DeviceError> {
+        Ok(Box::new(self.0.focuser()))
+    }
+    fn counter(
+        &self,
+        _: &CounterPlan,
+        _: &Deadline,
+    ) -> Result<Box<dyn PhotonCounter>, DeviceError> {
+        Err(DeviceError::Cancelled { device: "counter", action: "opening" })
+    }
+}
+
+/// A person focuses during a night. Truth: where the virtual telescope is sharp (within the stated 95 % interval and half a step; one run of twenty would lie outside, this seed does not), and the log: what is recorded
+/// meanwhile belongs to no visit, and the visit goes on. One that is ended early leaves the focuser where it stood; a camera without a focuser is refused.
+#[test]
+fn a_person_focuses_during_a_night() {
+    let folder = std::env::temp_dir().join(format!("sunglint-focus-night-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let made = FocusOptions::default().with(|o| {
+        (o.speed, o.start) = (50_000.0, 25_000);
+        o.flux_e_s = sunglint_numerics::measured::Interval::new(200_000.0, 2_000_000.0);
+    });
+    let bench = FocusBench::new(made, DeviceClock::live());
+    let best = bench.best(true);
+    let text = "station = \"ufo\"\nfor_s = 600\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.05\n\
+                focuser = { device = \"alpaca-focuser:127.0.0.1:1/0\", step = 500, overshoot = 400 }\n\
+                [[visit]]\nstar = \"Polaris\"\n";
+    let plan = Plan::of_text(&folder.join("night.toml"), text, &[]).unwrap();
+    let root = folder.join("session");
+    let opener = Arc::new(AtBench(bench));
+    let mut night = Night::planned(plan, opener.clone(), Some(&root), "a test");
+    let live = Arc::new(LiveState::new());
+    night.live = Some(live.clone());
+    let (cancel, token) = {
+        let cancel = Cancel::new();
+        (cancel.clone(), cancel)
+    };
+    let running = std::thread::spawn(move || night.run(&token, &mut |_| {}).unwrap());
+    let until = |what: &str, is_it: &dyn Fn() -> bool| {
+        let begun = Instant::now();
+        while !is_it() {
+            assert!(begun.elapsed() < Duration::from_secs(120), "{what}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let frames = || live.last_frame("cam").map_or(0, |(number, _)| number);
+    let ask = |control: Control| {
+        live.ask(control).unwrap().recv_timeout(Duration::from_secs(30)).unwrap()
+    };
+    let focus = |camera: &str| ask(Control::Focus { camera: camera.into() });
+    let said = |kind: &str, text: &str| {
+        let view = live.since(&Seen::default()).unwrap();
+        view.events.iter().any(|event| event.kind == kind && event.text.contains(text))
+    };
+    until("the first frames", &|| frames() >= 3);
+    assert_eq!(live.focusers(), ["cam"]);
+    assert!(focus("other").unwrap_err().to_string().contains("no `focuser`"));
+    focus("cam").unwrap();
+    assert!(focus("cam").unwrap_err().to_string().contains("already"));
+    until("the focus", &|| said("focus", "stands_at"));
+    let then = frames();
+    until("frames of the visit again", &|| frames() > then + 2);
+    // Once more, and ended by hand.
+    let stood = opener.0.focuser().position(&Deadline::within(Duration::from_secs(9))).unwrap();
+    focus("cam").unwrap();
+    ask(Control::Resume).unwrap();
+    until("the end of it", &|| {
+        said("error", "no focus") || !live.since(&Seen::default()).unwrap().paused
+    });
+    let then = frames();
+    until("frames of the visit once more", &|| frames() > then + 2);
+    let stands = opener.0.focuser().position(&Deadline::within(Duration::from_secs(9))).unwrap();
+    assert!((stands - stood).abs() <= 1, "{stands} {stood}");
+    cancel.cancel();
+    let summary = running.join().unwrap();
+    assert!(summary.failed.is_empty(), "{summary:?}");
+    let session = Session::open(&root).unwrap();
+    assert!(session.check().unwrap().is_whole());
+    let events: Vec<What> = session.events().unwrap().map(|event| event.unwrap().what).collect();
+    let found = events.iter().find_map(|what| match what {
+        What::Other { kind, fields } if kind == "focus" => fields.get("curve").cloned(),
+        _ => None,
+    });
+    let curve = found.unwrap();
+    let [at, half] = ["best", "half_width_95"].map(|key| curve[key].as_f64().unwrap());
+    assert!((at - best).abs() <= half + 0.5, "{at} ± {half} for {best}");
+    let seen = |what: &&What| matches!(what, What::Other { kind, fields } if kind == "focus" && fields.contains_key("hfr_px"));
+    assert!(events.iter().filter(seen).count() >= 9, "{events:?}");
+    let targets: Vec<&str> = events
+        .iter()
+        .filter_map(|what| match what {
+            What::Target(target) => Some(target.name.as_str()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(targets[..3], ["Polaris", "none", "Polaris"], "{targets:?}");
+    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -24,7 +24,7 @@ use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::{Mount, Station};
 
 /// The words of a page's commands.
-const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, lock, keep, jog, halt, park or follow";
+const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, focus, lock, keep, jog, halt, park or follow";
 /// Frames whose focus and background are kept for each camera: those of an hour or more.
 const LOOKS: usize = 7200;
 /// Time that a command may take.
@@ -261,6 +261,7 @@ impl LiveNight {
             clock: None,
             flag_names: flag_names(),
             sun_limit_deg: self.state.sun_limit_deg(),
+            focusers: self.state.focusers(),
             flip: self.flip(&station),
             warnings,
             magnitudes,
@@ -413,6 +414,10 @@ impl LiveNight {
             "stop" => Control::Stop,
             "note" => Control::Note(asked.text),
             "expose" => expose(&asked)?,
+            "focus" => {
+                let none = || Answer::error(422, "expected the name of a camera");
+                Control::Focus { camera: asked.camera.ok_or_else(none)? }
+            }
             "repeat" => Control::Repeat,
             "lock" => Control::Lock(self.click(&asked)?),
             "keep" => Control::Keep(self.click(&asked)?),

@@ -120,6 +120,8 @@ pub struct About {
     pub flag_names: Vec<(u32, String)>,
     /// Least distance of the mount from the Sun, deg; `None` without a mount.
     pub sun_limit_deg: Option<f64>,
+    /// Cameras of a running night that have a focuser.
+    pub focusers: Vec<String>,
     /// Where the mount turns over; `None` without a mount that may.
     pub flip: Option<FlipView>,
     /// What is wrong, for the person who looks.
@@ -439,6 +441,7 @@ impl Recording {
             clock: Some(manifest.clock.clone()),
             flag_names: flag_names(),
             sun_limit_deg: None,
+            focusers: Vec::new(),
             flip: None,
             warnings: self.warnings.clone(),
             magnitudes: self.scale.as_ref().map(|scale| scale.view.clone()),

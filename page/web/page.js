@@ -2139,6 +2139,8 @@ function showLive(view) {
   const dropped = view.dropped ? `; ${view.dropped} bunches of bins or events did not reach the page (the session has them)` : "";
   $("disk").textContent = free + fills + dropped;
   $("pause").textContent = view.paused ? "Resume" : "Pause";
+  $("focus").hidden = !S.about.focusers?.includes(S.camera);
+  $("focus").disabled = Boolean(view.ended) || !view.can_pause;
   for (const id of ["pause", "skip", "repeat"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
   $("stop").disabled = Boolean(view.ended);
   $("start").hidden = !view.waiting || Boolean(view.ended);
@@ -2448,6 +2450,7 @@ function wire() {
   $("start").addEventListener("click", () => steer("start"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
+  $("focus").addEventListener("click", () => steer("focus", "", { camera: S.camera }));
   $("expose-form").addEventListener("submit", (event) => {
     event.preventDefault();
     const more = { camera: S.camera };

@@ -3,7 +3,7 @@
 use super::curve::{Curve, CurveError, Point, fit};
 use super::star::{Sharpness, sharpness};
 use hifitime::Epoch;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Deadline, DeviceClock};
@@ -18,7 +18,7 @@ const THERE: i64 = 1;
 const FRAME: Duration = Duration::from_secs(60);
 
 /// Side from which positions are approached: the gears' play lies on the other side then, each time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Approach {
     /// From lower positions.
@@ -244,6 +244,16 @@ fn mean(seen: &[Sharpness]) -> Option<Sharpness> {
     let chi2: f64 = seen.iter().map(|s| weight(s) * (s.hfr_px - hfr_px).powi(2)).sum();
     let scale = if seen.len() > 1 { (chi2 / (seen.len() - 1) as f64).max(1.0) } else { 1.0 };
     Some(Sharpness { hfr_px, sigma_px: (scale / total).sqrt(), stars })
+}
+
+impl RunOptions {
+    /// Refuses what makes no run.
+    ///
+    /// # Errors
+    /// [`RunError::Option`], by the names of the command's options.
+    pub fn check(&self) -> Result<(), RunError> {
+        check(self)
+    }
 }
 
 fn check(options: &RunOptions) -> Result<(), RunError> {
