@@ -356,8 +356,19 @@ impl CameraWork {
                 false => ControlFlow::Continue(()),
             }
         };
-        let run =
-            focus::run(camera, focuser.as_mut(), &worker.clock, &worker.cancel, options, &mut each);
+        // The mount goes on to follow by them, and the page shows them.
+        let sensor_px = camera.sensor_px();
+        let mut show = |frame: Frame| {
+            let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
+            if let Some(sights) = self.sights.as_ref().filter(|_| middle <= worker.clock.utc()) {
+                sights.see(&frame, sensor_px);
+            }
+            worker.status.look(&worker.name, &frame);
+            worker.disk.look(&worker.name, frame);
+        };
+        let (clock, cancel) = (&worker.clock, &worker.cancel);
+        let focuser = focuser.as_mut();
+        let run = focus::run_showing(camera, focuser, clock, cancel, options, &mut each, &mut show);
         match run {
             Ok(run) => {
                 let at = run.stands_at.unwrap_or_default();

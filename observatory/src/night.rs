@@ -818,11 +818,12 @@ impl Watch<'_> {
                 Ok("paused: what is recorded now belongs to no visit".into())
             }
             Control::Focus { camera } => {
-                let plan = self.night.cameras.iter().find(|plan| plan.name == *camera);
-                if plan.is_none_or(|plan| plan.focuser.is_none()) {
+                let found = self.night.cameras.iter().find(|plan| plan.name == *camera);
+                if found.is_none_or(|found| found.focuser.is_none()) {
                     return refused("the plan has no `focuser` for this camera");
                 }
-                if !self.schedule.ask_focus(camera) {
+                let plan = self.before_pause.clone().unwrap_or(schedule);
+                if !self.schedule.ask_focus(camera, plan) {
                     return refused("a camera goes through its focus already");
                 }
                 if self.before_pause.is_none() {

@@ -367,6 +367,8 @@ pub struct SharedSchedule {
 #[derive(Debug)]
 struct FocusOrder {
     camera: String,
+    /// The plan that it interrupts: the mount goes on to follow it.
+    plan: Arc<Schedule>,
     /// Whether the camera is at it.
     begun: bool,
     /// Whether the person wants no more of it.
@@ -424,13 +426,14 @@ impl SharedSchedule {
         self.focus.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks a camera to go through its focus; false where one is at it.
-    pub fn ask_focus(&self, camera: &str) -> bool {
+    /// Asks a camera to go through its focus, while the mount follows this plan; false where one is at it.
+    pub fn ask_focus(&self, camera: &str, plan: Arc<Schedule>) -> bool {
         let mut focus = self.focus();
         if focus.is_some() {
             return false;
         }
-        *focus = Some(FocusOrder { camera: camera.into(), begun: false, cancelled: false });
+        let (begun, cancelled) = (false, false);
+        *focus = Some(FocusOrder { camera: camera.into(), plan, begun, cancelled });
         true
     }
 
@@ -463,6 +466,12 @@ impl SharedSchedule {
     /// Whether a run was asked for that is not over.
     pub fn is_focusing(&self) -> bool {
         self.focus().is_some()
+    }
+
+    /// The schedule for the mount: during a run through the focus, for which the night is paused, the plan as it stood before.
+    pub fn for_mount(&self) -> Arc<Schedule> {
+        let before = self.focus().as_ref().map(|order| order.plan.clone());
+        before.unwrap_or_else(|| self.get())
     }
 
     /// The schedule as it stands.
@@ -588,5 +597,31 @@ mod tests {
             &close.skipped(at(10.0)).unwrap(),
             &[("Vega", 0.0), ("none", 10.0), ("ISS", 100.0), ("none", 300.0)],
         );
+    }
+    /// Truth: by hand: while a camera focuses the night is paused, and the mount has the plan of before; one order at a time, taken once, by its camera; one that was not taken is forgotten when it is cancelled.
+    #[test]
+    fn a_mount_follows_the_plan_while_a_camera_focuses() {
+        let from = hifitime::Epoch::from_mjd_utc(60_000.0);
+        let target = Target { name: "Vega".into(), on: true, ..Target::off(TargetKind::Star) };
+        let plan = Schedule::new(vec![Slot::new(target, from, None)]);
+        let shared = SharedSchedule::new(plan);
+        let before = shared.get();
+        shared.set(before.paused(from + hifitime::Duration::from_seconds(5.0)));
+        assert!(Arc::ptr_eq(&shared.for_mount(), &shared.get()));
+        assert!(
+            shared.ask_focus("cam", before.clone()) && !shared.ask_focus("cam", before.clone())
+        );
+        assert!(Arc::ptr_eq(&shared.for_mount(), &before) && !Arc::ptr_eq(&shared.get(), &before));
+        assert!(
+            !shared.takes_focus("other") && shared.takes_focus("cam") && !shared.takes_focus("cam")
+        );
+        assert!(shared.focus_goes_on());
+        shared.cancel_focus();
+        assert!(shared.is_focusing() && !shared.focus_goes_on());
+        shared.end_focus();
+        assert!(Arc::ptr_eq(&shared.for_mount(), &shared.get()));
+        assert!(shared.ask_focus("cam", before));
+        shared.cancel_focus();
+        assert!(!shared.is_focusing());
     }
 }

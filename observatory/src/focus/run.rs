@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, DeviceError, Focuser};
+use sunglint_formats::Frame;
 use sunglint_formats::time::format_utc;
 
 /// Longest time of one move.
@@ -174,6 +175,7 @@ pub struct FailedRun {
 struct Runner<'a> {
     camera: &'a mut dyn Camera,
     focuser: &'a mut dyn Focuser,
+    show: &'a mut dyn FnMut(Frame),
     clock: &'a DeviceClock,
     options: RunOptions,
     cancel: sunglint_drivers::clock::Cancel,
@@ -230,6 +232,7 @@ impl Runner<'_> {
             let deadline = self.within(time);
             let frame = self.camera.expose(self.options.exposure_s, &deadline)?;
             seen.extend(sharpness(&frame));
+            (self.show)(frame);
         }
         Ok(mean(&seen))
     }
@@ -284,6 +287,22 @@ pub fn run(
     options: RunOptions,
     each: &mut dyn FnMut(&Seen) -> ControlFlow<()>,
 ) -> Result<FocusRun, FailedRun> {
+    run_showing(camera, focuser, clock, cancel, options, each, &mut |_| {})
+}
+
+/// The same; `show` gets each frame.
+///
+/// # Errors
+/// See [`FailedRun`].
+pub fn run_showing(
+    camera: &mut dyn Camera,
+    focuser: &mut dyn Focuser,
+    clock: &DeviceClock,
+    cancel: &sunglint_drivers::clock::Cancel,
+    options: RunOptions,
+    each: &mut dyn FnMut(&Seen) -> ControlFlow<()>,
+    show: &mut dyn FnMut(Frame),
+) -> Result<FocusRun, FailedRun> {
     let begun: Epoch = clock.utc();
     let mut result = FocusRun {
         begin_utc: format_utc(begun, 0),
@@ -297,7 +316,8 @@ pub fn run(
     };
     let cancel = cancel.clone();
     let (stands, moved, settled) = (None, false, false);
-    let mut runner = Runner { camera, focuser, clock, options, cancel, stands, moved, settled };
+    let mut runner =
+        Runner { camera, focuser, show, clock, options, cancel, stands, moved, settled };
     let done = go(&mut runner, &mut result, each);
     result.stands_at = runner.stands;
     match done {

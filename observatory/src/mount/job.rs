@@ -106,7 +106,8 @@ impl Job {
 
     /// Whether the schedule, which was exchanged, still wants it.
     pub fn is_still(&self, worker: &Worker) -> bool {
-        let next = next_job(&worker.schedule.get(), worker.clock.utc(), worker.end, &|_, _| false);
+        let next =
+            next_job(&worker.schedule.for_mount(), worker.clock.utc(), worker.end, &|_, _| false);
         // One that ends earlier now is it until then.
         next.is_some_and(|next| {
             next.visit.target == self.visit.target && next.visit.from == self.visit.from
