@@ -41,6 +41,9 @@ pub(crate) struct MarksView {
     /// All sources of the frame, where they were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     sources: Option<Vec<SourceView>>,
+    /// Sources that are not among them: of a crowded field only the first ones are drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sources_left_out: Option<usize>,
 }
 
 /// Source of a frame.
@@ -126,8 +129,8 @@ pub(crate) fn marks(
         background_adu: finite(plane.background_adu),
         flags: names(plane.flags),
     });
-    let sources = match more.sources {
-        false => None,
+    let (sources, sources_left_out) = match more.sources {
+        false => (None, None),
         true => {
             // The brightest of all can only be told when all are looked at.
             wide.detection.choice = Choice::Brightest;
@@ -138,7 +141,9 @@ pub(crate) fn marks(
                 place_px: place.to_array(),
                 trail_px: [0.0; 2],
             });
-            Some(found.candidates.iter().map(SourceView::of).chain(rays).take(SOURCES).collect())
+            let left_out = (found.candidates.len() + rays.len()).saturating_sub(SOURCES);
+            let all = found.candidates.iter().map(SourceView::of).chain(rays);
+            (Some(all.take(SOURCES).collect()), (left_out > 0).then_some(left_out))
         }
     };
     let (rows, columns) = frame.pixels.dim();
@@ -151,6 +156,7 @@ pub(crate) fn marks(
             .map(|found| found.hfr_px),
         expected_px: [columns, rows].map(|n| 0.5 * (n as f64 - 1.0)),
         sources,
+        sources_left_out,
         start_s: (frame.start - start).to_seconds(),
         place_px: measured.place_px.map(|place| place.to_array()),
         aperture_px,

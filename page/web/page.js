@@ -544,7 +544,7 @@ function measuredText() {
   if (!m) { $("measured").textContent = "\u00a0"; return; }
   const kinds = [["point", "point", "points"], ["streak", "streak", "streaks"], ["sharp", "cosmic ray or hot pixel", "cosmic rays or hot pixels"], ["other", "other", "others"]];
   const counted = kinds.map(([kind, ...names]) => { const n = m.sources?.filter((source) => source.kind === kind).length ?? 0; return n ? `${n} ${names[n === 1 ? 0 : 1]}` : ""; }).filter(Boolean);
-  const all = m.sources && $("sources").checked ? ` · ${m.sources.length} sources${counted.length ? `: ${counted.join(", ")}` : ""}` : "";
+  const all = m.sources && $("sources").checked ? ` · ${m.sources.length}${m.sources_left_out ? ` of ${m.sources.length + m.sources_left_out}` : ""} sources${counted.length ? `: ${counted.join(", ")}` : ""}` : "";
   if (!m.place_px) { $("measured").textContent = `no target found on this frame${all}`; return; }
   const planes = m.planes.map((p) => {
     const rate = p.rate_adu_per_s === null ? "no rate" : `${p.rate_adu_per_s.toFixed(0)} ± ${p.sigma_adu_per_s?.toFixed(0) ?? "–"} ADU/s`;
@@ -552,7 +552,10 @@ function measuredText() {
     return `${p.colour === "mono" ? "" : p.colour + " "}${rate}${flags}`;
   });
   const width = m.fwhm_px === null ? "" : `, ${m.fwhm_px.toFixed(1)} px wide`;
-  const radius = m.hfr_px === undefined ? "" : `, half-flux radius ${m.hfr_px.toFixed(2)} px`;
+  // It is measured once a second: between two measurements the last one stands there.
+  if (m.hfr_px !== undefined) S.radius = { px: m.hfr_px, of: m.of, camera: S.camera };
+  const last = S.radius?.camera === S.camera && Math.abs(m.of - S.radius.of) < 2 ? S.radius.px : undefined;
+  const radius = last === undefined ? "" : `, half-flux radius ${last.toFixed(2)} px`;
   $("measured").textContent = `target at ${m.place_px[0].toFixed(1)}, ${m.place_px[1].toFixed(1)} px${width}${radius}: ${planes.join("; ")}${all}`;
 }
 
