@@ -24,7 +24,7 @@ const VISITS_S: [[f64; 2]; 3] = [[20.0, 45.0], [50.0, 350.0], [355.0, 380.0]];
 const TIMES: f64 = 3.0;
 /// Channels that are held to the promise: the single-photon counters of the thesis.
 const SPADS: [&str; 2] = ["id400", "spcm"];
-/// Of each of them: bins, those inside once and twice their σ, mean error and mean error on the line, percent of the target.
+/// Columns of each of them: bins, those inside once and twice their σ, mean error and mean error on the line, percent of the target.
 const COLUMNS: [&str; 10] = [
     "id400_bins",
     "id400_inside_1",
