@@ -19,6 +19,7 @@ use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, Mount, MountMotion};
 use sunglint_formats::Frame;
 use sunglint_formats::text::counted;
+use sunglint_numerics::progress::Progress;
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::Process;
 use sunglint_observatory::telescope::{
@@ -486,6 +487,15 @@ impl Sight {
     }
 }
 
+/// Work that ends where a token is set.
+struct Until<'a>(&'a Cancel);
+
+impl Progress for Until<'_> {
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
+
 /// A camera whose frames say where they look.
 pub(crate) struct Eye {
     sight: Sight,
@@ -527,7 +537,7 @@ impl Eye {
         let pixels = frame.pixels.mapv(f32::from);
         let scale_arcsec = self.sight.scale_arcsec.map(|scale| scale * binning);
         let hint = Hint { middle, scale_arcsec };
-        let looked = self.solver.solve(pixels.view(), &hint, &options);
+        let looked = self.solver.solve_watched(pixels.view(), &hint, &options, &Until(cancel));
         let looked = looked.map_err(|error| error.to_string())?;
         let Some(solved) = looked.solved else {
             return Err(format!(

@@ -2,7 +2,7 @@
 
 use crate::detect::{ReadingArgs, SearchArgs, files_of};
 use crate::output::{Console, OutputArgs, Usage};
-use crate::progress::Bar;
+use crate::progress::{Bar, Watched};
 use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::Epoch;
@@ -13,7 +13,7 @@ use sunglint_calibration::field_stars::solver::{Hint, Looked, Solver};
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::fits::Fits;
 use sunglint_formats::image_frame::ImageFrame;
-use sunglint_numerics::progress::Progress as _;
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_report::solve::{Frame, product, text};
 
 /// Arguments of `sunglint solve`.
@@ -66,10 +66,19 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
         Some(program) => Solver::by_program(SolveField::new(program), args.width_deg),
         None => Solver::new(list, column, args.width_deg)?,
     };
-    let progress = Bar::new(console);
+    // Another program has to be ended; this one ends by itself.
+    let watched = args.solve_field.as_ref().map(|_| Watched::new(console)).transpose()?;
+    let bar = Bar::new(console);
+    let (bar, progress): (&Bar, &dyn Progress) = match &watched {
+        Some(watched) => (&watched.bar, watched),
+        None => (&bar, &bar),
+    };
     let mut frames = Vec::new();
     progress.begin("frames", Some(files.len() as u64));
     for path in &files {
+        if progress.is_cancelled() {
+            return Err(Cancelled.into());
+        }
         let frame = ImageFrame::read_as(path, &args.reading.whenever())?;
         let mut options = args.search.options();
         options.saturation_adu = frame.header.saturation_adu;
@@ -80,14 +89,15 @@ pub fn run(args: &SolveArgs, console: Console) -> anyhow::Result<()> {
             None => Epoch::now().context("the computer's clock cannot be read")?,
         };
         let hint = Hint { middle, scale_arcsec: frame.header.scale_arcsec };
-        let Looked { sources, solved } = solver.solve(frame.pixels.view(), &hint, &options)?;
+        let Looked { sources, solved } =
+            solver.solve_watched(frame.pixels.view(), &hint, &options, progress)?;
         if let (true, Some(solved)) = (args.write, &solved) {
             written(path, solved)?;
         }
         frames.push(Frame::new(&frame.header, sources, solved));
         progress.advance(1);
     }
-    progress.end();
+    bar.end();
     args.out.finish(&product(&frames)?, &text(&frames), console)?;
     if frames.iter().all(|frame| frame.solved.is_none()) {
         bail!(

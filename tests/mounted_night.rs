@@ -5,7 +5,7 @@
 use crate::common::indi::{CCD, IndiServer, TELESCOPE};
 use crate::common::star_of_now::night_of_now;
 use crate::common::{Folder, SPHERE_PASS, virtual_night};
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -569,6 +569,74 @@ fn a_telescope_searches_a_star() {
         let east = east * place.dec_deg.to_radians().cos();
         let off = 3600.0 * (east - 0.06).hypot(after.1 - before.1 - 0.09);
         assert!(off < 30.0, "{off}: {before:?} {after:?} {json}");
+    });
+}
+
+/// `gsc -c RA DEC -r MINUTES`, by which INDI's camera knows its stars: twenty, the same about wherever it looks (synthetic).
+const SAME_STARS: &str = r#"#!/bin/sh
+awk -v r="$2" -v d="$3" 'BEGIN { c = cos(d / 57.29578)
+  for (i = 0; i < 20; i++) { x = (i * 7 % 20 - 9.5) / 250; y = (i - 9.5) / 250
+    printf "S1 %f %f 0.3 %.2f 0.1 0 0 A1 NO 0.1 3\n", r + x / c, d + y, 4 + i % 5 / 5 } }'
+"#;
+
+/// A stand-in for `solve-field` that never ends (synthetic), and says each tenth of a second that it lives.
+const ENDLESS: &str = "#!/bin/sh\n(while :; do echo >> ALIVE; sleep 0.1; done) & wait\n";
+
+/// Truth: in words: Ctrl-C while another program looks for the place of a frame ends that program and `goto` (exit code 1), and the mount stands still, asked over another connection.
+#[test]
+fn a_goto_that_waits_for_another_program_is_stopped() {
+    live("a_goto_that_waits_for_another_program_is_stopped", &PROGRAMS, || {
+        let folder = Folder::new("goto-stop");
+        let star = night_of_now(&folder.path("station"), 2.5..4.5, -1.0..3.0);
+        let alive = folder.path("alive");
+        std::fs::create_dir(folder.path("bin")).unwrap();
+        let endless = ENDLESS.replace("ALIVE", &alive.display().to_string());
+        for (name, text) in [("gsc", SAME_STARS), ("endless", &endless)] {
+            let path = folder.path("bin").join(name);
+            std::fs::write(&path, text).unwrap();
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        }
+        let path = format!("{}:{}", folder.path("bin").display(), std::env::var("PATH").unwrap());
+        let server = IndiServer::start_in(&PROGRAMS[1..], &[("PATH", path)]);
+        for device in ["CCD", "Telescope"] {
+            server.set(&[&format!("{device} Simulator.CONNECTION.CONNECT=On")]);
+        }
+        server.set(&["CCD Simulator.SCOPE_INFO.FOCAL_LENGTH;APERTURE=3000;300"]);
+        let [mount, camera] = [("telescope", "Telescope"), ("camera", "CCD")]
+            .map(|(kind, name)| format!("indi-{kind}:127.0.0.1:{}/{name} Simulator", server.port));
+        let asks = format!("--solve-field={}", folder.path("bin/endless").display());
+        let mut own = mount_of(&server);
+        let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+            .current_dir(&folder.0)
+            .args(["goto", &star, "--mount", &mount, "--station", "station", "--trust-clock"])
+            .args(["--set-site", "--fork", "--camera", &camera, "--exposure-s", "0.2"])
+            .args(["--solve", "--width-deg", "0.127", &asks])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = String::new();
+        while !alive.exists() {
+            if program.try_wait().unwrap().is_some() {
+                program.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+                panic!("it ended before: {said}");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let soon = || Deadline::within(Duration::from_secs(30));
+        assert_eq!(own.reading(&soon()).unwrap().motion, MountMotion::Tracking);
+        let pid = program.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        program.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(program.wait().unwrap().code(), Some(1), "{said}");
+        let written = || std::fs::metadata(&alive).unwrap().len();
+        let before = written();
+        let begun = Instant::now();
+        while own.reading(&soon()).unwrap().motion != MountMotion::Still {
+            assert!(begun.elapsed() < Duration::from_secs(120), "nobody stopped it: {said}");
+        }
+        std::thread::sleep(Duration::from_secs(1));
+        assert_eq!(written(), before);
     });
 }
 

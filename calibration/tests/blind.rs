@@ -7,12 +7,13 @@ use serde_json::Value;
 use std::path::Path;
 use sunglint_calibration::field_stars::Catalogue;
 use sunglint_calibration::field_stars::blind::{Patterns, Solved};
-use sunglint_calibration::field_stars::solve_field::SolveField;
+use sunglint_calibration::field_stars::solve_field::{SolveField, SolveFieldError};
 use sunglint_calibration::field_stars::solver::{Hint, Solver};
 use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_formats::image_frame::ImageFrame;
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::wcs::Wcs;
+use sunglint_numerics::progress::{Progress, Silent};
 use sunglint_testkit::{Campaign, peer_python, run_python};
 
 const YEAR: f64 = 2026.9;
@@ -303,7 +304,8 @@ fn another_programs_failures_are_told() {
         }
         // A script that has just been written is busy while a child of another test has its descriptor.
         for _ in 0..50 {
-            match SolveField::new(&path).within_s(5).solve(&field, false, Some((3.0, 0.1))) {
+            let program = SolveField::new(&path).within_s(5);
+            match program.solve(&field, false, Some((3.0, 0.1)), &Silent) {
                 Err(error) if error.to_string().contains("busy") => {
                     std::thread::sleep(std::time::Duration::from_millis(20));
                 }
@@ -320,4 +322,32 @@ fn another_programs_failures_are_told() {
     let garbage = "touch frame.solved; echo rubbish > frame.wcs; echo rubbish > frame.corr";
     let error = asked("garbage", Some(garbage)).unwrap_err().to_string();
     assert!(error.contains("frame.wcs"), "{error}");
+
+    // Whoever stops it stops the program and what that has started, too: nothing is written any more.
+    let alive = folder.path().join("alive");
+    let text = format!("(while :; do echo >> {alive:?}; sleep 0.05; done) & wait");
+    let path = folder.path().join("slow");
+    std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let program = SolveField::new(&path).within_s(600);
+    let stopped = loop {
+        match program.solve(&field, false, Some((3.0, 0.1)), &Once(alive.clone())) {
+            Err(error) if error.to_string().contains("busy") => {}
+            answer => break answer,
+        }
+    };
+    assert!(matches!(stopped, Err(SolveFieldError::Cancelled(_))), "{stopped:?}");
+    let written = || std::fs::metadata(&alive).unwrap().len();
+    let before = written();
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    assert_eq!(written(), before);
+}
+
+/// Somebody who stops the work once a file is there.
+struct Once(std::path::PathBuf);
+
+impl Progress for Once {
+    fn is_cancelled(&self) -> bool {
+        self.0.exists()
+    }
 }

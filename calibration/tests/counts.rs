@@ -4,8 +4,9 @@
 use hifitime::{Duration, Epoch};
 use std::convert::Infallible;
 use sunglint_calibration::counts::{
-    Away, BackgroundSource, Between, Bin, CountChannel, Curves, Gate, OffOptions, OffTarget,
-    Options, Reduction, Sample, Seen, Span, Spans, Summary, View, away, coupling,
+    Away, BackgroundSource, Between, Bin, CountChannel, Curves, Gate, NotCarried, OffOptions,
+    OffTarget, Options, Reduction, Sample, Seen, SkyLevel, SkyLevels, SkyTally, Span, Spans,
+    Summary, View, away, coupling,
 };
 use sunglint_calibration::detector::Linearity;
 use sunglint_calibration::track::{NoPlace, Place, Track, TrackPoint};
@@ -163,6 +164,59 @@ fn a_star_in_the_background_is_left_out() {
     assert!((first.rate_hz - 100.0).abs() < 5.0, "{first:?}");
     assert_eq!(found.at(at(12.0), 0).source, BackgroundSource::Between);
     assert_eq!(found.at(at(29.0), 0).source, BackgroundSource::Nearest);
+}
+
+/// Truth: by hand. A sky that grows three-fold in 200 s, as 3^(t/200), from 10⁵ Hz above a dark rate of 30 Hz; in the camera as its power 1/1.1. In the middle it is √3 times as bright as at the begin, to 0.1 % for the looks' lengths; the line
+/// is 13 % above that. Frames of another exposure at the target (or another one for each frame, as automatic exposure has them) do not carry it, and that is said; nor do none, or those that stay as they are.
+#[test]
+fn a_background_that_is_carried_is_told_from_one_on_a_line() {
+    let grown = |s: f64| 3_f64.powf(s / 200.0);
+    let bins: Vec<Bin> =
+        (0..200).map(|s| bin(s, (30.0 + 1e5 * grown(s as f64 + 0.5)).round() as u64)).collect();
+    let spans = Spans::new([
+        span(0.0, 20.0, View::Sky),
+        span(20.0, 180.0, View::Target(0)),
+        span(180.0, 200.0, View::Sky),
+    ]);
+    let channels = [channel(&DeadTime::None, None)];
+    let taken = |levels: &dyn Fn(f64) -> Option<(f64, usize)>| {
+        let Ok(off) = OffTarget::measure(ok(&bins), &channels, &spans, &OffOptions::default());
+        let frames = (0..100).filter_map(|i| {
+            let s = 2.0 * f64::from(i) + 1.0;
+            let (level, setting) = levels(s)?;
+            Some(SkyLevel { time: at(s), level, sigma: 0.05, setting })
+        });
+        let off = off.carried_by(SkyLevels::new(frames));
+        let options = Options { gate: NO_GATE, ..Options::default() };
+        let mut run = Reduction::new(ok(&bins), &channels, &spans, &[], &off, options);
+        let samples: Vec<Sample> = run.by_ref().map(|sample| sample.unwrap()).collect();
+        let mut tally = SkyTally::default();
+        samples.iter().for_each(|sample| tally.add(&sample.channels[0]));
+        (samples[79].channels[0], tally)
+    };
+    let (middle, line) = (30.0 + 1e5 * grown(99.5), 30.0 + 0.5e5 * (grown(10.0) + grown(190.0)));
+    let at_target = |s: f64| (20.0..180.0).contains(&s);
+    let level = |s: f64| 50.0 * grown(s).powf(1.0 / 1.1);
+    let (sample, tally) = taken(&|s| Some((level(s), 0)));
+    assert_eq!(sample.background_from, Some(BackgroundSource::Carried));
+    assert!((sample.background_hz.value / middle - 1.0).abs() < 1e-3, "{sample:?} {middle}");
+    assert_eq!((tally.carried, tally.on_line(), tally.doubt()), (160, 0, None));
+    let on_line: [(&dyn Fn(f64) -> Option<(f64, usize)>, NotCarried); 5] = [
+        (&|s| Some((level(s), usize::from(at_target(s)))), NotCarried::OtherSettings),
+        (&|s| Some((level(s), s as usize)), NotCarried::OtherSettings),
+        (&|s| (!at_target(s)).then(|| (level(s), 0)), NotCarried::NoFrames),
+        (&|_| None, NotCarried::NoFrames),
+        (&|_| Some((50.0, 0)), NotCarried::OtherChange),
+    ];
+    for (levels, why) in on_line {
+        let (sample, tally) = taken(levels);
+        assert_eq!(sample.background_from, Some(BackgroundSource::OnLine(why)));
+        assert!((sample.background_hz.value / line - 1.0).abs() < 0.01, "{sample:?} {line}");
+        assert!(tally.on_line() > 140 && tally.carried < 20, "{tally:?}");
+        assert_eq!(tally.reason(), Some(why));
+        // The line is a quarter of the change uncertain in the middle, 17 % in the mean; nothing but sky is in the rates.
+        assert!(tally.doubt().unwrap() > 1.0, "{tally:?}");
+    }
 }
 
 /// Truth: by hand. The target moves from (−6, 0) to (6, 0) px in frames a second apart; σ = (3, 4), the centre at (0, 0). At 2.5 s (bin 2…3) it passes from x = −1.2 to

@@ -23,6 +23,7 @@ mod indi_parser;
 mod indi_simulated;
 mod mono_cm110;
 mod mono_sp2150;
+mod mount_astrotrac;
 mod mount_indi;
 mod mount_live;
 mod ocean_obp;

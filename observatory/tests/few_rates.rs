@@ -131,7 +131,7 @@ fn distance_arcsec(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// Truth: the stand-in's own angles at the moment at which they are taken, and where SGP4 has the satellite then; the server refuses every rate that is not on its list. Arithmetic: between rates 0.05 °/s apart, switched each
-/// 0.1 s, a mount stays within 9″ on each axis. Tolerance: 60″, for a clock that is read 10 ms late on a busy machine is 10″ at 0.3 °/s; the nearest rate alone would be off by up to 1,800″ after 20 s.
+/// 0.1 s, a mount stays within 9″ on each axis. Tolerance: 60″, for a clock that is read 10 ms late on a busy machine is 10″ at 0.3 °/s; the nearest rate alone would be off by up to 900″ after 10 s.
 #[test]
 fn an_alpaca_mount_of_a_few_rates_is_followed_with() {
     let steps: Vec<f64> = (1..=STEPS.1).map(|i| f64::from(i) * STEPS.0).collect();
@@ -154,10 +154,10 @@ fn an_alpaca_mount_of_a_few_rates_is_followed_with() {
     // Numbers of JSON may be off by their last bit.
     assert!(deg_s.len() == steps.len());
     assert!(deg_s.iter().zip(&steps).all(|(a, b)| (a - b).abs() < 1e-12), "{deg_s:?}");
-    let from = utc_now() + 12.0 * Unit::Second;
+    let from = utc_now() + 6.0 * Unit::Second;
     let orbit = orbit_of(from);
     let earth = EarthOrientation::embedded();
-    let path = TargetPath::new(&orbit, &site(), earth, (from, 25.0), MountAxes::Horizontal, false);
+    let path = TargetPath::new(&orbit, &site(), earth, (from, 13.0), MountAxes::Horizontal, false);
     let path = path.unwrap();
     let cone = SunCone::default().with_limit_deg(0.0).with_pointing_deg(0.0);
     let guard = Guard::new(&site(), MountAxes::Horizontal, false, cone);
@@ -182,7 +182,7 @@ fn an_alpaca_mount_of_a_few_rates_is_followed_with() {
         seen.iter().map(|(at, angle)| distance_arcsec(*angle, place_of(&orbit, *at))).collect();
     let rms = (off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64).sqrt();
     println!("{} commands, {} places, rms {rms:.1}″", summary.steps, off.len());
-    assert!(off.len() > 50, "{}", off.len());
+    assert!(off.len() > 25, "{}", off.len());
     assert!(rms < 60.0, "{rms}");
     // It was stopped in the end, and another rate than those of the list never asked for.
     assert_eq!(turns.lock().unwrap().rates, [0.0; 2]);

@@ -69,15 +69,17 @@ mod curves;
 mod gate;
 mod off_target;
 mod reduction;
+mod skies;
 mod sky_level;
 mod spans;
 
 pub use curves::{ChannelSummary, Curves, Summary};
 pub use gate::{Coupling, Gate, coupling};
 pub use off_target::{
-    Background, BackgroundSource, Between, OffOptions, OffPiece, OffRate, OffTarget,
+    Background, BackgroundSource, Between, NotCarried, OffOptions, OffPiece, OffRate, OffTarget,
 };
 pub use reduction::{ChannelSample, Options, Reduction, Sample};
+pub use skies::SkyTally;
 pub use sky_level::{SkyLevel, SkyLevels};
 pub use spans::{Away, Seen, Span, Spans, View, away};
 

@@ -76,8 +76,10 @@ pub struct OffPiece {
 /// Where a background came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BackgroundSource {
-    /// Off-target pieces before and after, and on the line between them.
+    /// Off-target pieces before and after that hardly differ, and on the line between them, or their mean.
     Between,
+    /// Off-target pieces before and after that differ, and on the line between them, because the camera's frames tell it no better.
+    OnLine(NotCarried),
     /// Off-target pieces before and after, and between them as the sky went in the camera's frames.
     Carried,
     /// One off-target piece, before or after: whatever the sky did since is not known.
@@ -86,6 +88,19 @@ pub enum BackgroundSource {
     Dark,
     /// The station's dark rate: the sky is missing.
     Station,
+}
+
+/// Why a sky that changed between two pieces does not go as in the camera's frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum NotCarried {
+    /// There are too few frames at the time or in one of the pieces.
+    NoFrames,
+    /// There are frames at the time and in both pieces, but not with the same setting (exposure, gain, binning, window, filter) in all three.
+    OtherSettings,
+    /// The camera's sky did not change as the channel's did.
+    OtherChange,
+    /// The frames do not tell it better than the line.
+    NoBetter,
 }
 
 /// The rate to subtract from a sample.
@@ -108,10 +123,12 @@ pub struct OffTarget {
     sky: SkyLevels,
     /// The camera's sky in each piece, for each of its settings.
     sky_of_pieces: Vec<Vec<Option<Brightness>>>,
+    /// Whether there are frames in each piece, of whatever setting.
+    seen_in_pieces: Vec<bool>,
 }
 
-/// Exponents by which a channel's sky may change with the camera's, and both still be the same sky in other colours.
-const EXPONENTS: (f64, f64) = (0.7, 1.4);
+/// Exponents by which a channel's sky may change with the camera's, and both still be the same sky in other colours: twice as fast or half as fast, in magnitudes. Beyond these another light came or went.
+const EXPONENTS: (f64, f64) = (0.5, 2.0);
 /// A sky changed if its brightness differs by so many standard errors.
 const CHANGED_SIGMAS: f64 = 5.0;
 
@@ -149,8 +166,9 @@ impl OffTarget {
         pieces.extend(open.map(|open| open.close(channels, options)));
         pieces.sort_by_key(|piece| piece.time);
         let station_hz = channels.iter().map(|channel| channel.dark_rate_hz).collect();
-        let (sky, sky_of_pieces) = (SkyLevels::default(), Vec::new());
-        Ok(Self { pieces, options: *options, station_hz, sky, sky_of_pieces })
+        let sky = SkyLevels::default();
+        let (sky_of_pieces, seen_in_pieces) = (Vec::new(), Vec::new());
+        Ok(Self { pieces, options: *options, station_hz, sky, sky_of_pieces, seen_in_pieces })
     }
 
     /// Takes the sky between the pieces from a camera's frames, where they tell it better than the line between the pieces.
@@ -163,24 +181,37 @@ impl OffTarget {
         self.sky_of_pieces = (0..sky.settings())
             .map(|setting| self.pieces.iter().map(|piece| over(setting, piece)).collect())
             .collect();
+        self.seen_in_pieces = self.pieces.iter().map(|piece| sky.is_near(piece.time)).collect();
         self.sky = sky;
         self
     }
 
     /// The rate between two pieces as the sky went in the camera's frames, and its standard uncertainty but for that of the pieces, Hz. The sky of a channel is
     /// a power of the camera's, which both pieces fix: where twilight changes its colour, both skies change exponentially, each at a rate of its own. Half of the
-    /// difference from a straight line in the camera's brightness is in the uncertainty. `None` where the camera's sky did not change as the channel's did.
+    /// difference from a straight line in the camera's brightness is in the uncertainty.
     fn carried(
         &self,
         time: Epoch,
         dark_hz: f64,
         pieces: [usize; 2],
         rates_hz: [f64; 2],
-    ) -> Option<Carried> {
-        self.sky_of_pieces.iter().enumerate().find_map(|(setting, over)| {
+    ) -> Result<Carried, NotCarried> {
+        let mut changes_otherwise = false;
+        for (setting, over) in self.sky_of_pieces.iter().enumerate() {
             let [one, two] = pieces.map(|piece| over.get(piece).copied().flatten());
-            let (one, two) = (one?, two?);
-            Carried::of(self.sky.at(setting, time)?, [one, two], rates_hz, dark_hz)
+            let (Some(one), Some(two)) = (one, two) else { continue };
+            let Some(here) = self.sky.at(setting, time) else { continue };
+            match Carried::of(here, [one, two], rates_hz, dark_hz) {
+                Some(carried) => return Ok(carried),
+                None => changes_otherwise = true,
+            }
+        }
+        let in_pieces =
+            pieces.iter().all(|piece| self.seen_in_pieces.get(*piece).is_some_and(|seen| *seen));
+        Err(match changes_otherwise {
+            true => NotCarried::OtherChange,
+            false if in_pieces && self.sky.is_near(time) => NotCarried::OtherSettings,
+            false => NotCarried::NoFrames,
         })
     }
 
@@ -233,19 +264,22 @@ impl OffTarget {
                     let sigma_hz = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
                     Background { rate_hz, sigma_hz, source }
                 };
-                let line = of(one.rate_hz + w * change, w, drift, BackgroundSource::Between);
+                let line = |source| of(one.rate_hz + w * change, w, drift, source);
                 let changed = change.abs() > CHANGED_SIGMAS * one.sigma_hz.hypot(two.sigma_hz);
-                let is_line = self.options.between == Between::Linear;
-                let found = (changed && is_line && !self.sky_of_pieces.is_empty()).then(|| {
-                    let rates_hz = [one.rate_hz, two.rate_hz];
-                    let dark_hz = self.dark_hz(time, channel);
-                    self.carried(time, dark_hz, [before, after], rates_hz)
-                });
-                match found.flatten() {
-                    Some(Carried { rate_hz, part, sigma_hz }) if sigma_hz < drift.abs() => {
+                if !changed || self.options.between != Between::Linear {
+                    return line(BackgroundSource::Between);
+                }
+                if self.sky_of_pieces.is_empty() {
+                    return line(BackgroundSource::OnLine(NotCarried::NoFrames));
+                }
+                let rates_hz = [one.rate_hz, two.rate_hz];
+                let dark_hz = self.dark_hz(time, channel);
+                match self.carried(time, dark_hz, [before, after], rates_hz) {
+                    Ok(Carried { rate_hz, part, sigma_hz }) if sigma_hz < drift.abs() => {
                         of(rate_hz, part, sigma_hz, BackgroundSource::Carried)
                     }
-                    _ => line,
+                    Ok(_) => line(BackgroundSource::OnLine(NotCarried::NoBetter)),
+                    Err(why) => line(BackgroundSource::OnLine(why)),
                 }
             }
             [Some(one), None] | [None, Some(one)] => single(one, BackgroundSource::Nearest),

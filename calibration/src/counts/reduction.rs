@@ -35,6 +35,8 @@ pub struct ChannelSample {
     pub sigma_hz: f64,
     /// Background that was subtracted, and its standard uncertainty, Hz, before the coupling; NaN where none was subtracted.
     pub background_hz: Measured,
+    /// Where the background came from; `None` where none was subtracted.
+    pub background_from: Option<BackgroundSource>,
     /// The coupling and its standard uncertainty from the target's place; NaN where none was applied.
     pub coupling: Measured,
     /// Part of the events that the detector lost.
@@ -218,6 +220,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
                     matches!(background.source, BackgroundSource::Dark | BackgroundSource::Station);
                 sample.flags.set(Flags::NO_OFF_TARGET, stand_in);
                 sample.background_hz = Measured::new(background.rate_hz, background.sigma_hz);
+                sample.background_from = Some(background.source);
                 sample.rate_hz = linear.rate_hz - background.rate_hz;
                 sample.sigma_hz = linear.sigma_hz.hypot(background.sigma_hz);
             }
@@ -275,6 +278,7 @@ impl ChannelSample {
             rate_hz: f64::NAN,
             sigma_hz: f64::NAN,
             background_hz: Measured::new(f64::NAN, f64::NAN),
+            background_from: None,
             coupling: Measured::new(f64::NAN, f64::NAN),
             lost_fraction: 0.0,
             from_tags: false,

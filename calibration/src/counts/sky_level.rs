@@ -36,6 +36,8 @@ const MOMENTS: u32 = 5;
 pub struct SkyLevels {
     /// Levels of each setting, those of the most frames first, in the order of time.
     settings: Vec<Vec<SkyLevel>>,
+    /// Times of all of them, in order.
+    times: Vec<Epoch>,
 }
 
 impl SkyLevels {
@@ -55,12 +57,21 @@ impl SkyLevels {
             levels.sort_by_key(|level| level.time);
         }
         settings.sort_by_key(|levels| std::cmp::Reverse(levels.len()));
-        Self { settings }
+        let mut times: Vec<Epoch> = settings.iter().flatten().map(|level| level.time).collect();
+        times.sort();
+        Self { settings, times }
     }
 
     /// Number of settings.
     pub(super) fn settings(&self) -> usize {
         self.settings.len()
+    }
+
+    /// Whether a frame of any setting is near a time.
+    pub(super) fn is_near(&self, time: Epoch) -> bool {
+        let next = self.times.partition_point(|at| *at < time);
+        let beside = [next.checked_sub(1).and_then(|i| self.times.get(i)), self.times.get(next)];
+        beside.into_iter().flatten().any(|at| (*at - time).to_seconds().abs() <= NEAR.0)
     }
 
     /// The brightness at a time in the frames of a setting: a line through the levels near it.

@@ -10,12 +10,13 @@ use super::{Source, sources};
 use crate::photometry::field::Field;
 use glam::DVec2;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::fits::{Fits, Writer};
 use sunglint_formats::wcs::{Equatorial, Wcs};
 use sunglint_formats::{Column, FileError, Table};
+use sunglint_numerics::progress::{Cancelled, Progress};
 
 /// Sources that are handed over at most, the brightest.
 const SOURCES: usize = 200;
@@ -60,6 +61,9 @@ pub enum SolveFieldError {
     /// A file between the programs.
     #[error(transparent)]
     File(#[from] FileError),
+    /// It was ended by whoever watches.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// The program `solve-field`.
@@ -84,7 +88,7 @@ impl SolveField {
     }
 
     /// Place of a frame by its sources: points, or trails where stars are trailed. `width_deg` is the frame's width, with the part by which it may be wrong,
-    /// where it is known. `None` where the program finds none, or none that all stars fit.
+    /// where it is known. `None` where the program finds none, or none that all stars fit. Where `progress` is cancelled, the program is ended.
     ///
     /// # Errors
     /// [`SolveFieldError`].
@@ -93,6 +97,7 @@ impl SolveField {
         field: &Field,
         is_trailed: bool,
         width_deg: Option<(f64, f64)>,
+        progress: &dyn Progress,
     ) -> Result<Option<Solved>, SolveFieldError> {
         let found: Vec<Source> = sources(field, is_trailed);
         let places: Vec<DVec2> = found.iter().take(SOURCES).map(|s| s.place.into()).collect();
@@ -104,7 +109,7 @@ impl SolveField {
             .map_err(|source| SolveFieldError::Folder { program: self.program.clone(), source })?;
         let list = folder.path().join("frame.xyls");
         write_list(&list, &places)?;
-        self.run(folder.path(), &list, field.size_px, width_deg)?;
+        self.run(folder.path(), &list, field.size_px, width_deg, progress)?;
         if !folder.path().join("frame.solved").exists() {
             return Ok(None);
         }
@@ -118,6 +123,7 @@ impl SolveField {
         list: &Path,
         size_px: [usize; 2],
         width_deg: Option<(f64, f64)>,
+        progress: &dyn Progress,
     ) -> Result<(), SolveFieldError> {
         let failed = |end: String| SolveFieldError::Failed { program: self.program.clone(), end };
         let [low, high] = match width_deg {
@@ -143,6 +149,9 @@ impl SolveField {
             command.arg(option).arg(folder.join(name));
         }
         command.arg(list).stdin(Stdio::null()).stdout(log).stderr(errors).current_dir(folder);
+        // A group of its own, which is ended as one: it starts programs that would go on.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
             .spawn()
             .map_err(|source| SolveFieldError::Start { program: self.program.clone(), source })?;
@@ -151,10 +160,13 @@ impl SolveField {
         let status = loop {
             match child.try_wait() {
                 Ok(Some(status)) => break status,
+                Ok(None) if progress.is_cancelled() => {
+                    end(&mut child);
+                    return Err(Cancelled.into());
+                }
                 Ok(None) if Instant::now() < until => std::thread::sleep(LOOK),
                 outcome => {
-                    let _ = child.kill();
-                    let _ = child.wait();
+                    end(&mut child);
                     return Err(failed(match outcome {
                         Err(error) => error.to_string(),
                         Ok(_) => format!("no end in {} s of processor time", self.within_s),
@@ -170,6 +182,21 @@ impl SolveField {
         let last = words.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("").trim();
         Err(failed(format!("{status}: {}", last.chars().take(300).collect::<String>())))
     }
+}
+
+/// Ends a program at once, with those that it has started.
+fn end(child: &mut Child) {
+    if cfg!(unix) {
+        let group = format!("-{}", child.id());
+        let _ = Command::new("kill")
+            .args(["-KILL", "--", &group])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status();
+    }
+    let _ = child.kill();
+    let _ = child.wait();
 }
 
 /// Sources, the brightest first, as a list for the program. FITS counts pixels from 1.

@@ -11,6 +11,7 @@ use std::path::Path;
 use sunglint_formats::FileError;
 use sunglint_formats::ParseError;
 use sunglint_numerics::measured::Interval;
+use sunglint_numerics::progress::{Progress, Silent};
 
 /// Part by which a width from a header may be wrong, and one that a person gave.
 const WIDTH_TOLERANCE: f64 = 0.15;
@@ -113,6 +114,20 @@ impl Solver {
         hint: &Hint,
         options: &FieldOptions,
     ) -> Result<Looked, SolverError> {
+        self.solve_watched(pixels, hint, options, &Silent)
+    }
+
+    /// Finds a frame as [`Solver::solve`] does; another program is ended where `progress` is cancelled.
+    ///
+    /// # Errors
+    /// Those of [`Solver::solve`]; a stop.
+    pub fn solve_watched(
+        &mut self,
+        pixels: ArrayView2<'_, f32>,
+        hint: &Hint,
+        options: &FieldOptions,
+        progress: &dyn Progress,
+    ) -> Result<Looked, SolverError> {
         let by_scale = hint.scale_arcsec.map(|arcsec| {
             let half = 0.5 * pixels.ncols() as f64 * (arcsec / 3600.0).to_radians();
             2.0 * half.atan().to_degrees()
@@ -125,7 +140,7 @@ impl Solver {
             By::List(list) => {
                 list.patterns(width, year_of(hint.middle))?.solve(&field, is_trailed, told)
             }
-            By::Program(program) => program.solve(&field, is_trailed, told)?,
+            By::Program(program) => program.solve(&field, is_trailed, told, progress)?,
         };
         let sources = if is_trailed { field.streaks.len() } else { field.points.len() };
         Ok(Looked { sources, solved })

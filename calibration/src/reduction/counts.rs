@@ -5,7 +5,7 @@ use super::tags::{Run, TagSummary, Tags};
 use super::{ReduceError, Stay, step};
 use crate::counts::{
     Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, SkyLevels,
-    Span, Spans, Summary, View,
+    SkyTally, Span, Spans, Summary, View,
 };
 use crate::track::Track;
 use sunglint_formats::FileError;
@@ -24,6 +24,8 @@ pub struct CounterNight {
     pub counter: String,
     /// Raw and linear curve of the counter's channels for each stay; `None` without bins.
     pub curves: Vec<Option<[LightCurve; 2]>>,
+    /// Where the sky came from, for each stay and channel; nothing for stays without samples.
+    pub skies: Vec<Vec<SkyTally>>,
     /// Summary of what each rule did.
     pub summary: Summary,
     /// Rates of the channels off the targets.
@@ -124,6 +126,7 @@ pub fn counter_night(
     let run = tags.as_ref().map(Tags::run);
     let mut watched = Watched { bins: open()?, tags: run, progress, passed: 0, stopped: None };
     let mut curves: Vec<Option<Curves>> = vec![None; tracks.len()];
+    let mut skies: Vec<Vec<SkyTally>> = vec![Vec::new(); tracks.len()];
     let mut reduction =
         Reduction::new(watched.by_ref(), &channels, spans, tracks, &off, options.bins);
     for sample in reduction.by_ref() {
@@ -131,6 +134,10 @@ pub fn counter_night(
         each(&channels, &sample);
         if let Some(curve) = curves.get_mut(sample.visit) {
             curve.get_or_insert_with(|| Curves::new(&channels)).push(&sample);
+        }
+        if let Some(skies) = skies.get_mut(sample.visit) {
+            skies.resize_with(channels.len(), SkyTally::default);
+            skies.iter_mut().zip(&sample.channels).for_each(|(sky, channel)| sky.add(channel));
         }
     }
     let summary = reduction.summary().clone();
@@ -143,6 +150,7 @@ pub fn counter_night(
     Ok(CounterNight {
         counter: counter.to_owned(),
         curves: curves.into_iter().map(|curves| curves.map(finish)).collect(),
+        skies,
         summary,
         off,
         unknown,

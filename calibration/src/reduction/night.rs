@@ -7,11 +7,13 @@ use super::join::join;
 use super::recipe::Recipe;
 use super::sky::Body;
 use super::{ReduceError, Stay};
-use crate::counts::{Away, CountChannel, Sample, SkyLevels, Span, away};
+use crate::counts::{Away, CountChannel, NotCarried, Sample, SkyLevels, SkyTally, Span, away};
 use crate::track::Track;
 use hifitime::Unit;
 use serde_json::json;
+use std::collections::BTreeMap;
 use sunglint_formats::session::{Session, Target, TargetKind, Visit};
+use sunglint_formats::text::counted;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{Input, LightCurve, Provenance, RateKind};
 use sunglint_radiometry::station::{Detector, Station};
@@ -63,6 +65,8 @@ pub struct Visited {
     pub raw: Option<LightCurve>,
     /// Where the target stood.
     pub track: Track,
+    /// Where the counters' sky came from, by channel.
+    pub skies: BTreeMap<String, SkyTally>,
     /// Frames for figures, each with its camera's name.
     pub shown: Vec<(String, Shown)>,
 }
@@ -90,6 +94,8 @@ pub struct Reduced {
 const LONGEST_H: f64 = 24.0;
 /// Stretches beside the fibre shorter than this are the target's own wandering, s.
 const LEAST_AWAY_S: f64 = 5.0;
+/// Uncertainty of a sky on a line, as a part of the rate, from which on it is warned of.
+const MOST_DOUBT: f64 = 0.01;
 
 /// The stays of a session, each with an end.
 ///
@@ -346,6 +352,8 @@ impl Reduced {
         if linear.is_empty() {
             return Ok(None);
         }
+        let skies = self.skies(number);
+        self.warnings.extend(sky_warnings(stay, &skies));
         let body = Body::of(&stay.target)?;
         let wings = self.cameras.iter().flat_map(|camera| &camera.wings[number]);
         let mut notes: Vec<String> = wings.map(super::wings::Wings::note).collect();
@@ -362,6 +370,7 @@ impl Reduced {
             )
         }));
         notes.extend(seen().filter_map(|camera| camera.times[number].note(&camera.camera)));
+        notes.extend(skies.iter().filter_map(|(channel, sky)| sky_note(channel, sky)));
         let complete = |curves: &[LightCurve]| {
             let mut curve =
                 join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;
@@ -376,8 +385,66 @@ impl Reduced {
         };
         let linear = complete(&linear)?;
         let raw = if raw.is_empty() { None } else { Some(complete(&raw)?) };
-        Ok(Some(Visited { stay: stay.clone(), linear, raw, track, shown }))
+        Ok(Some(Visited { stay: stay.clone(), linear, raw, track, skies, shown }))
     }
+
+    /// Where the counters' sky of a stay came from, by channel.
+    fn skies(&self, number: usize) -> BTreeMap<String, SkyTally> {
+        let of = |counter: &CounterNight| {
+            let names = counter.summary.channels.iter().map(|channel| channel.name.clone());
+            let skies = counter.skies.get(number).into_iter().flatten().cloned();
+            names.zip(skies).collect::<Vec<_>>()
+        };
+        self.counters.iter().flat_map(of).collect()
+    }
+}
+
+/// Sentence for the curve about a channel's sky between the looks at it; `None` where it hardly changed.
+fn sky_note(channel: &str, sky: &SkyTally) -> Option<String> {
+    let SkyTally { carried, .. } = sky;
+    let line = sky.on_line();
+    (carried + line > 0).then(|| {
+        format!(
+            "sky of {channel} between the looks at it: as it went in the camera's frames for {}, on a line for {line}",
+            counted(*carried as usize, "sample")
+        )
+    })
+}
+
+/// Warnings about skies that changed and are on a line in time: one for each reason.
+fn sky_warnings(stay: &Stay, skies: &BTreeMap<String, SkyTally>) -> Vec<String> {
+    let mut by_reason: BTreeMap<NotCarried, (Vec<&str>, f64)> = BTreeMap::new();
+    for (channel, sky) in skies {
+        let (Some(why), Some(doubt)) = (sky.reason(), sky.doubt()) else { continue };
+        if doubt > MOST_DOUBT {
+            let (channels, most) = by_reason.entry(why).or_default();
+            channels.push(channel);
+            *most = most.max(doubt);
+        }
+    }
+    let of = |(why, (channels, most)): (NotCarried, (Vec<&str>, f64))| {
+        let part = match most {
+            most if most <= 1.0 => format!("{:.1} % of the rate", 100.0 * most),
+            _ => "more than the rate".to_owned(),
+        };
+        let why = match why {
+            NotCarried::NoFrames => {
+                "there are too few frames of a camera at the target and in both looks to tell"
+            }
+            NotCarried::OtherSettings => {
+                "the camera's frames at the target and in the looks have other settings (exposure, gain, binning, window, filter): with the same ones in all three they would tell; automatic exposure does not keep them"
+            }
+            NotCarried::OtherChange => "the sky in the camera's frames changed otherwise",
+            NotCarried::NoBetter => "the camera's frames tell it no better",
+        };
+        format!(
+            "{} (visit {}): the sky of {} changed between the looks before and after, and is taken on a line in time, uncertain by {part}: {why}",
+            stay.target.name,
+            stay.number,
+            channels.join(", ")
+        )
+    };
+    by_reason.into_iter().map(of).collect()
 }
 
 /// Returns the description of the target for the metadata of light curves.

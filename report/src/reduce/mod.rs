@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use sunglint_calibration::counts::SkyTally;
 use sunglint_calibration::reduction::frames::CameraNight;
 use sunglint_calibration::reduction::tags::TagSummary;
 use sunglint_calibration::reduction::{Reduced, Stay, Used, Visited};
@@ -32,18 +33,21 @@ pub struct ChannelLine {
     pub clean: u64,
     /// The median rate, Hz (ADU/s of a camera).
     pub median_hz: Option<f64>,
+    /// Number of samples with a rate whose sky goes as in the camera's frames, and of those on a line between two looks at a sky that changed.
+    pub sky: [u64; 2],
     /// Number of samples with each flag.
     pub flags: BTreeMap<String, u64>,
 }
 
 impl ChannelLine {
-    fn of(channel: &ChannelCurve) -> Self {
+    fn of(channel: &ChannelCurve, skies: &BTreeMap<String, SkyTally>) -> Self {
         let mut line = Self {
             name: channel.name.clone(),
             samples: 0,
             with_rate: 0,
             clean: 0,
             median_hz: None,
+            sky: skies.get(&channel.name).map_or([0; 2], |sky| [sky.carried, sky.on_line()]),
             flags: BTreeMap::new(),
         };
         let mut rates = Vec::new();
@@ -91,7 +95,12 @@ impl VisitLine {
             stay: visited.stay.clone(),
             time: samples.time.first().zip(samples.time.last()).map(|(a, b)| [*a, *b]),
             zenith_deg,
-            channels: visited.linear.channels.iter().map(ChannelLine::of).collect(),
+            channels: visited
+                .linear
+                .channels
+                .iter()
+                .map(|channel| ChannelLine::of(channel, &visited.skies))
+                .collect(),
         }
     }
 }
@@ -188,8 +197,10 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
         );
         let _ = writeln!(text, "  channel     samples  with a rate    clean       median  flags");
         for line in &visit.channels {
-            let flags: Vec<String> =
-                line.flags.iter().map(|(flag, count)| format!("{flag} {count}")).collect();
+            let skies = ["sky carried", "sky on a line"].into_iter().zip(line.sky);
+            let skies = skies.filter(|(_, count)| *count > 0).map(|(how, n)| format!("{how} {n}"));
+            let flags = line.flags.iter().map(|(flag, count)| format!("{flag} {count}"));
+            let flags: Vec<String> = flags.chain(skies).collect();
             let median = line.median_hz.map_or_else(|| "-".into(), |hz| format!("{hz:.4e}"));
             let _ = writeln!(
                 text,
@@ -325,6 +336,8 @@ pub fn table(visits: &[VisitLine]) -> Table {
             rows.iter().map(|(_, line)| line.median_hz.unwrap_or(f64::NAN)).collect(),
         ),
     ];
+    columns.push(Column::i64("sky_carried", None, whole(&|line| line.sky[0])));
+    columns.push(Column::i64("sky_on_line", None, whole(&|line| line.sky[1])));
     for name in names {
         let name = name.to_lowercase();
         let count = |line: &ChannelLine| line.flags.get(&name).copied().unwrap_or(0);
@@ -340,6 +353,8 @@ struct ChannelJson<'a> {
     with_rate: u64,
     clean: u64,
     median_rate_hz: Option<f64>,
+    sky_carried: u64,
+    sky_on_line: u64,
     flags: &'a BTreeMap<String, u64>,
 }
 
@@ -408,6 +423,8 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             with_rate: line.with_rate,
             clean: line.clean,
             median_rate_hz: line.median_hz.map(rounded),
+            sky_carried: line.sky[0],
+            sky_on_line: line.sky[1],
             flags: &line.flags,
         });
         VisitJson {
