@@ -281,13 +281,3 @@ fn write_manual(folder: &std::path::Path, force: bool, console: Console) -> anyh
 fn leak(name: &str) -> &'static str {
     Box::leak(name.to_owned().into_boxed_str())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_grammar_is_sound() {
-        Cli::command().debug_assert();
-    }
-}

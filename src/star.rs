@@ -287,8 +287,11 @@ impl StarArgs {
     }
 }
 
-/// An angle in degrees: a decimal number, or three sexagesimal ones of which the first is in units of `unit_deg`.
-fn angle(text: &str, unit_deg: f64, option: &str) -> anyhow::Result<f64> {
+/// Reads an angle in degrees that `option` was given: a decimal number, or three sexagesimal ones of which the first is in units of `unit_deg`.
+///
+/// # Errors
+/// Where it is neither; the message names the option.
+pub fn angle(text: &str, unit_deg: f64, option: &str) -> anyhow::Result<f64> {
     let wrong = || {
         anyhow!(
             "{option} is `{text}`, expected degrees (279.23) or sexagesimal numbers (18:36:56.3, -69:01:39)"
@@ -310,24 +313,4 @@ fn angle(text: &str, unit_deg: f64, option: &str) -> anyhow::Result<f64> {
         return Err(wrong());
     }
     Ok(sign * unit_deg * (parts[0] + parts[1] / 60.0 + parts[2] / 3600.0))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Truth: Vega's place in both notations, as catalogues print it.
-    #[test]
-    fn angles_are_read_in_both_notations() {
-        assert!((angle("18:36:56.3364", 15.0, "--ra").unwrap() - 279.234_735).abs() < 1e-6);
-        assert!((angle("+38:47:01.280", 1.0, "--dec").unwrap() - 38.783_689).abs() < 1e-6);
-        assert!((angle("-0:30:00", 1.0, "--dec").unwrap() + 0.5).abs() < 1e-12);
-        assert_eq!(angle(" -69.5 ", 1.0, "--dec").unwrap(), -69.5);
-        for wrong in ["", "x", "1:2", "1:60:0", "1:2:3:4", "NaN", "1:-2:3", "inf"] {
-            assert!(
-                angle(wrong, 1.0, "--dec").unwrap_err().to_string().contains("--dec is"),
-                "{wrong}"
-            );
-        }
-    }
 }

@@ -3,8 +3,40 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use crate::common::{Folder, VEGA};
+use clap::CommandFactory as _;
 use std::path::Path;
 use std::process::Command;
+use sunglint::analyse::bounds;
+use sunglint::star::angle;
+
+#[test]
+fn the_grammar_is_sound() {
+    sunglint::cli::Cli::command().debug_assert();
+}
+
+/// Truth: Vega's place in both notations, as catalogues print it.
+#[test]
+fn angles_are_read_in_both_notations() {
+    assert!((angle("18:36:56.3364", 15.0, "--ra").unwrap() - 279.234_735).abs() < 1e-6);
+    assert!((angle("+38:47:01.280", 1.0, "--dec").unwrap() - 38.783_689).abs() < 1e-6);
+    assert!((angle("-0:30:00", 1.0, "--dec").unwrap() + 0.5).abs() < 1e-12);
+    assert_eq!(angle(" -69.5 ", 1.0, "--dec").unwrap(), -69.5);
+    for wrong in ["", "x", "1:2", "1:60:0", "1:2:3:4", "NaN", "1:-2:3", "inf"] {
+        assert!(
+            angle(wrong, 1.0, "--dec").unwrap_err().to_string().contains("--dec is"),
+            "{wrong}"
+        );
+    }
+}
+
+#[test]
+fn bounds_of_periods_are_read() {
+    assert_eq!(bounds("5..200").unwrap(), (5.0, 200.0));
+    assert_eq!(bounds("2.5..").unwrap(), (2.5, f64::INFINITY));
+    for wrong in ["", "5", "0..3", "9..2", "..7", "a..b", "nan..5", "-3..5"] {
+        assert!(bounds(wrong).unwrap_err().to_string().contains("LO..HI"), "{wrong}");
+    }
+}
 
 /// One run of the demonstration. Truth: what the virtual night was made of: the scales of both passes are 1, in the channels that the night could calibrate within
 /// what the page states (4 of its uncertainties, κ's included), and 5 % for those of fewer than eight stars; the sphere's reflectance, 0.6.

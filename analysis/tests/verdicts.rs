@@ -131,7 +131,7 @@ fn judged(answer: &Verdict, truth: f64) -> Judged {
 /// Tolerance: 2 % of wrong ones, and of curves with more than eight turns and noise below the light's variation nine of ten are answered.
 #[test]
 fn campaign_spin_states() {
-    let mut campaign = Campaign::with_part("spin_states", 1000, 25);
+    let mut campaign = Campaign::with_part("spin_states", 1000, 8);
     let mut table = std::collections::BTreeMap::<(&str, &str), [usize; 5]>::new();
     let mut peaks = 0;
     for seed in campaign.seeds() {

@@ -10,7 +10,7 @@ mod period;
 mod spin;
 mod unmix;
 
-pub use attitude::AttitudeArgs;
+pub use attitude::{AttitudeArgs, bounds};
 pub use endmembers::EndmembersArgs;
 pub use fold::FoldArgs;
 pub use map::MapArgs;

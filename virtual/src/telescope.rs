@@ -9,6 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::collections::VecDeque;
+use std::f64::consts::FRAC_PI_2;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{
@@ -186,7 +187,8 @@ struct Tube {
     truth: Vec<TruthRow>,
     next_frame_s: f64,
     frames: VecDeque<(f64, FinderFrame)>,
-    stars: Vec<DVec3>,
+    /// Stars, each with its number, by the height above the equator of their own frame.
+    stars: Vec<(usize, DVec3)>,
     /// Where the axes stood, s from the start and rad, where that is kept.
     history: Option<VecDeque<(f64, [f64; 2])>>,
 }
@@ -252,14 +254,15 @@ impl Telescope {
             motors[1].axis = motors[1].angle;
         }
         let count = (options.stars.0 * 41_253.0).min(2e6) as usize;
-        let stars = (0..count)
-            .map(|_| {
+        let mut stars: Vec<(usize, DVec3)> = (0..count)
+            .map(|number| {
                 let z = 2.0 * random.random::<f64>() - 1.0;
                 let turn = random.random::<f64>() * std::f64::consts::TAU;
                 let flat = (1.0 - z * z).sqrt();
-                DVec3::new(flat * turn.cos(), flat * turn.sin(), z)
+                (number, DVec3::new(flat * turn.cos(), flat * turn.sin(), z))
             })
             .collect();
+        stars.sort_by(|a, b| a.1.z.total_cmp(&b.1.z));
         let start = clock.utc();
         Self(Arc::new(Mutex::new(Tube {
             options,
@@ -532,14 +535,19 @@ impl Tube {
             lights.extend(target.map(|target| (target, 1.0)));
             let turn = DMat3::from_axis_angle(self.pole(), -EARTH_RAD_S * self.now_s);
             let flux = self.options.stars.1;
-            let near = (1.5 * half).atan().cos();
+            let near = (1.5 * half).atan();
             let base = turn.transpose() * ahead;
-            lights.extend(
-                self.stars
-                    .iter()
-                    .filter(|star| star.dot(base) > near)
-                    .map(|star| (turn * *star, flux)),
-            );
+            // Only a zone about the pole of the stars is looked through; what is found keeps the order in which it was drawn.
+            let up = base.z.clamp(-1.0, 1.0).asin();
+            let edge = |by: f64| (up + by).clamp(-FRAC_PI_2, FRAC_PI_2).sin() + by.signum() * 1e-9;
+            let from = self.stars.partition_point(|(_, star)| star.z < edge(-near));
+            let to = self.stars.partition_point(|(_, star)| star.z <= edge(near));
+            let mut found: Vec<_> = self.stars[from..to]
+                .iter()
+                .filter(|(_, star)| star.dot(base) > near.cos())
+                .collect();
+            found.sort_by_key(|(number, _)| *number);
+            lights.extend(found.into_iter().map(|(_, star)| (turn * *star, flux)));
         }
         let mut spots: Vec<Spot> = Vec::new();
         for (light, flux) in lights {

@@ -132,7 +132,7 @@ fn above(forward: &Forward, answer: &Answer, question: &Question, spin: &Spin) -
 /// χ² at most one in ten exceeds 9.2 (1 in 100 by chance; light between the parts is known to a hundredth only).
 #[test]
 fn campaign_attitude() {
-    let mut campaign = Campaign::in_shards("attitude", 200, 2, &COLUMNS);
+    let mut campaign = Campaign::in_shards("attitude", 200, 1, &COLUMNS);
     for seed in campaign.seeds() {
         campaign.keep(seed, &judged(seed, blind(seed)));
     }

@@ -6,6 +6,7 @@ use rand::SeedableRng as _;
 use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use sunglint_inference::attitude::{Options, find};
 use sunglint_simulator::attitude::Spin;
+use sunglint_simulator::light::engine::Switches;
 
 /// Checkpoints that a watch was given to keep.
 struct Keeping(std::sync::Mutex<Vec<sunglint_inference::attitude::Checkpoint>>);
@@ -17,10 +18,12 @@ impl sunglint_inference::attitude::Watch for Keeping {
     }
 }
 
-/// Truth: the search that was not cut off, bit by bit; and that of one thread.
+/// Truth: the search that was not cut off, bit by bit; and that of one thread. Direct light alone.
 #[test]
 fn a_search_goes_on_where_it_was_cut_off_and_hangs_on_no_number_of_threads() {
-    let pass = pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 12.0);
+    let mut pass =
+        pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 12.0);
+    pass.effects = Switches::OFF;
     let epoch = pass.times[0];
     let spin = Spin::along(DVec3::Z, DVec3::Y, 1.0 / 90.0, 2.0, epoch).unwrap();
     let curve = || measured(pass.clone(), spin, 0.03, &mut Random::seed_from_u64(4));

@@ -125,7 +125,7 @@ fn error(found: &Fit, k: usize) -> f64 {
 /// on its own, the twenty-four albedos pooled, as a sixth of their number since scintillation and the shape tie them.
 #[test]
 fn campaign_box_wing_fits() {
-    let mut campaign = Campaign::start("box_wing_fits", 50);
+    let mut campaign = Campaign::with_part("box_wing_fits", 50, 1);
     let pass = pass();
     let rates = truth(&pass);
     let (mut model, linear) = (model(&pass), linear());

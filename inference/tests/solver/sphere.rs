@@ -4,6 +4,7 @@ use crate::solver::binomial;
 use crate::solver::night::{Weather, measured, orbit, over, scene, visible};
 use ndarray::Array2;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 use sunglint_inference::solver::{
     Component, Data, Fit, Free, Law, Linear, Loss, Options, Shaping, StudyModel, Unit, fit,
 };
@@ -128,14 +129,25 @@ struct Sphere {
 }
 
 impl Sphere {
-    fn calsphere() -> Self {
+    /// Made once for all tests, as the other.
+    fn calsphere() -> &'static Self {
+        static MADE: OnceLock<Sphere> = OnceLock::new();
+        MADE.get_or_init(Self::white)
+    }
+
+    fn lcs() -> &'static Self {
+        static MADE: OnceLock<Sphere> = OnceLock::new();
+        MADE.get_or_init(Self::polished)
+    }
+
+    fn white() -> Self {
         let radius_m = 0.18;
         let mut pass = scene("built_in = \"lambert_sphere\"", orbit(13.37, 90.0, 160.0));
         pass.target = sphere_of(radius_m, Material::lambert("surface", grey(1.0)).unwrap());
         Self::new(pass, radius_m, &CALSPHERE_4A, &|g| diffuse(radius_m, g))
     }
 
-    fn lcs() -> Self {
+    fn polished() -> Self {
         let radius_m = 0.565;
         let mut pass = scene("built_in = \"lambert_sphere\"", orbit(9.893, 32.1, 240.0));
         pass.target = sphere_of(radius_m, polished(0.2));

@@ -13,8 +13,8 @@ use sunglint_drivers::device::{
 use sunglint_radiometry::sky::Site;
 use sunglint_radiometry::station::Horizon;
 
-/// Steps in which the edges of a mount's ways are looked at, deg; half of it is added to the cone.
-const STEP_DEG: f64 = 1.0;
+/// Added to the cone for roundings, deg.
+const ROUNDING_DEG: f64 = 1e-6;
 
 /// Reason why a mount must not go, or must stop.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -475,21 +475,28 @@ fn rectangle_deg(a: [f64; 2], b: [f64; 2], sun: DVec3) -> f64 {
             return 0.0;
         }
     }
-    let count = |axis: usize| ((high[axis] - low[axis]) / STEP_DEG).ceil().max(1.0) as usize;
-    let mut least = f64::INFINITY;
-    let mut look = |angle: [f64; 2]| {
-        let x = direction(angle);
-        least = least.min(x.cross(sun).length().atan2(x.dot(sun)).to_degrees());
-    };
-    for i in 0..=count(0) {
-        let first = low[0] + (high[0] - low[0]) * i as f64 / count(0) as f64;
-        look([first, low[1]]);
-        look([first, high[1]]);
+    // Along each edge the cosine of the Sun's distance is a cosine of the angle that changes, and a constant.
+    let (across, up) = (sun.x.hypot(sun.y), sun.z);
+    let mut most = -1.0_f64;
+    for second in [low[1], high[1]] {
+        let (sin, cos) = second.to_radians().sin_cos();
+        most = most.max(highest(cos * across, s[0], [low[0], high[0]]) + sin * up);
     }
-    for i in 0..=count(1) {
-        let second = low[1] + (high[1] - low[1]) * i as f64 / count(1) as f64;
-        look([low[0], second]);
-        look([high[0], second]);
+    for first in [low[0], high[0]] {
+        let along = across * (first - s[0]).to_radians().cos();
+        let at = up.atan2(along).to_degrees();
+        most = most.max(highest(along.hypot(up), at, [low[1], high[1]]));
     }
-    least - 0.5 * STEP_DEG
+    most.min(1.0).acos().to_degrees() - ROUNDING_DEG
+}
+
+/// The highest value of `size` times the cosine of the distance from an angle, deg, between two others.
+fn highest(size: f64, at_deg: f64, [from, to]: [f64; 2]) -> f64 {
+    let top = if size < 0.0 { at_deg + 180.0 } else { at_deg };
+    let next = from + (top - from).rem_euclid(360.0);
+    if next <= to {
+        return size.abs();
+    }
+    let of = |x: f64| size * (x - at_deg).to_radians().cos();
+    of(from).max(of(to))
 }
