@@ -31,7 +31,7 @@ pub struct Peak {
 /// The bisector's turn about an axis over a pass.
 #[derive(Debug, Clone)]
 pub struct Turned {
-    /// Its mean, Hz: by that, times the repetitions in a turn, apparent and sidereal frequency differ.
+    /// Mean of the turn, Hz: by that, times the repetitions in a turn, apparent and sidereal frequency differ.
     pub mean_hz: f64,
     /// By channel: how far it is at each stretch, turns.
     at: Vec<Vec<f64>>,
