@@ -10,7 +10,7 @@ use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_analysis::series::Series;
 use sunglint_analysis::spin::{
-    Body, Interval, NoSpin, Spin, SpinOptions, SpinPass, by_pass, find_spin,
+    Body, Interval, NoSpin, Spin, SpinFound, SpinOptions, SpinPass, by_pass, find_spin,
 };
 use sunglint_analysis::synodic::Bisectors;
 use sunglint_testkit::Campaign;
@@ -355,7 +355,8 @@ fn oracle(body: &Tumbler) -> f64 {
     oracle_log(&timings, 0.0) - oracle_log(&timings, excess)
 }
 
-const COLUMNS: [&str; 12] = [
+/// Columns: what was put in; the answer (0: one spin, 1: two, 2: none) where nothing is known of the body, and where it is known to be long (by the same search); the oracle's odds.
+const COLUMNS: [&str; 20] = [
     "period_s",
     "drift",
     "passes",
@@ -367,11 +368,36 @@ const COLUMNS: [&str; 12] = [
     "drift_held",
     "sense",
     "sense_right",
+    "even_share",
+    "long_answer",
+    "long_relative",
+    "long_held",
+    "long_drift_held",
+    "long_sense",
+    "long_sense_right",
+    "oracle_log_odds",
     "cpu_s",
 ];
 
+/// Counts of single answers.
+#[derive(Debug, Default)]
+struct Singles {
+    all: f64,
+    /// Another period (off by more than 5 %).
+    wrong: f64,
+    /// Beyond the stated intervals of 95 %.
+    outside: f64,
+    drift_outside: f64,
+    sense_told: f64,
+    sense_wrong: f64,
+    /// Those of bodies that the oracle tells.
+    of_told: f64,
+}
+
 /// Truth: the spin that was put in: periods of 2 to 120 s, drifts of up to 1e-3 a day, axes all over the sky, 3 to 20 passes in thirty days, a zero point free in each, noise of 0.02 to 0.14 mag.
-/// Tolerance: of those with one answer at most 1 % are off by more than 5 % (another number of repetitions), and nine of ten intervals hold period and drift, which are stated at 95 %: of some fifty, six misses would have a chance of 2 %.
+///
+/// Asked (issue "tumbling rocket bodies"): period, sense and drift in their intervals of 95 % in 92 to 98 %, at most 1 % of single answers wrong, 70 % answered of those that an oracle tells which knows axis and turns.
+/// Rocket bodies are long, which their user may say: with that the 70 % are judged. Tolerance: of some 100 intervals and more, one in ten outside would have a chance of 2 %.
 #[test]
 fn campaign_tumbling_stages() {
     let mut campaign = Campaign::in_shards("tumbling_stages", 300, 1, &COLUMNS);
@@ -380,45 +406,83 @@ fn campaign_tumbling_stages() {
         println!("seed {seed}: {row:.3?}");
         campaign.keep(seed, &row);
     }
-    let columns = COLUMNS.map(|name| campaign.column(name));
-    let [_, _, _, answer, _, off, _, held, drift_held, sense, right, _] = &columns;
-    let n = answer.len();
-    let number = |wanted: &dyn Fn(usize) -> bool| (0..n).filter(|k| wanted(*k)).count() as f64;
-    let only = |k: usize| answer[k] == 0.0;
-    let wrong = number(&|k| only(k) && off[k].abs() > 0.05);
-    let outside = number(&|k| only(k) && held[k] == 0.0);
-    let drift_outside = number(&|k| only(k) && drift_held[k] == 0.0);
-    let known = number(&|k| only(k) && sense[k] >= 0.99);
-    let wrong_sense = number(&|k| only(k) && sense[k] >= 0.99 && right[k] == 0.0);
-    let ones = number(&only);
+    let column = |name: &str| campaign.column(name);
+    let oracle = column("oracle_log_odds");
+    let is_told: Vec<bool> = oracle.iter().map(|odds| *odds > 99_f64.ln()).collect();
+    let singles = |names: [&str; 6]| {
+        let [answer, off, held, drift_held, sense, right] = names.map(column);
+        let mut found = Singles::default();
+        for k in (0..answer.len()).filter(|k| answer[*k] == 0.0) {
+            let one = |holds: bool| f64::from(u8::from(holds));
+            found.all += 1.0;
+            found.wrong += one(off[k].abs() > 0.05);
+            found.outside += one(held[k] == 0.0);
+            found.drift_outside += one(drift_held[k] == 0.0);
+            found.sense_told += one(sense[k] >= 0.99);
+            found.sense_wrong += one(sense[k] >= 0.99 && right[k] == 0.0);
+            found.of_told += one(is_told[k]);
+        }
+        found
+    };
+    let any = singles(["answer", "relative", "held", "drift_held", "sense", "sense_right"]);
+    let long = singles([
+        "long_answer",
+        "long_relative",
+        "long_held",
+        "long_drift_held",
+        "long_sense",
+        "long_sense_right",
+    ]);
+    let answers = column("answer");
+    let two = answers.iter().filter(|a| **a == 1.0).count() as f64;
+    let first =
+        answers.iter().zip(column("relative")).filter(|(a, off)| **a == 1.0 && off.abs() < 0.05);
+    let first = first.count() as f64;
+    let n = answers.len() as f64;
+    let told = is_told.iter().filter(|t| **t).count() as f64;
     println!(
-        "{n} bodies: {ones} with one answer, {} with two, {} refused; of the ones {wrong} are another period, {outside} periods and {drift_outside} drifts outside their intervals; sense told of {known}, wrong of {wrong_sense}",
-        number(&|k| answer[k] == 1.0),
-        number(&|k| answer[k] == 2.0),
+        "{n} bodies, {told} told by the oracle; nothing known: {any:?}, two answers of {two}, {first} with the true one first; long: {long:?}"
     );
+    // Rows of older commits have no answer of a long body, and no oracle.
+    let anew = column("long_answer").iter().filter(|answer| !answer.is_nan()).count();
     let whole = campaign.is_whole();
-    campaign.largest("one_answer", ones);
-    campaign.largest("another_period", wrong);
-    campaign.largest("period_outside", outside);
-    campaign.largest("drift_outside", drift_outside);
-    campaign.largest("sense_told", known);
-    campaign.largest("sense_wrong", wrong_sense);
+    campaign.largest("one_answer", any.all);
+    campaign.largest("another_period", any.wrong);
+    campaign.largest("period_outside", any.outside);
+    campaign.largest("drift_outside", any.drift_outside);
+    campaign.largest("two_answers", two);
+    campaign.largest("of_them_the_first_is_true", first);
+    campaign.largest("sense_told", any.sense_told);
+    campaign.largest("sense_wrong", any.sense_wrong);
+    campaign.largest("asked_as_long", anew as f64);
+    campaign.largest("oracle_tells", told);
+    campaign.largest("of_them_one_answer", any.of_told);
+    campaign.largest("long_one_answer", long.all);
+    campaign.largest("long_another_period", long.wrong);
+    campaign.largest("long_period_outside", long.outside);
+    campaign.largest("long_drift_outside", long.drift_outside);
+    campaign.largest("long_sense_told", long.sense_told);
+    campaign.largest("long_sense_wrong", long.sense_wrong);
+    campaign.largest("long_of_them_one_answer", long.of_told);
     campaign.finish();
     if whole {
-        assert!(wrong <= 0.01 * ones && outside <= 0.1 * ones && drift_outside <= 0.1 * ones);
+        for found in [&any, &long] {
+            assert!(found.wrong <= 0.01 * found.all, "{found:?}");
+            let most = 0.1 * found.all;
+            assert!(found.outside <= most && found.drift_outside <= most, "{found:?}");
+        }
+        let all = anew == answers.len();
+        assert!(!all || long.of_told >= 0.7 * told, "{long:?} of {told}");
     }
 }
 
-fn asked(seed: u64) -> [f64; 12] {
+fn asked(seed: u64) -> [f64; COLUMNS.len()] {
     let body = tumbler(seed);
     let before = sunglint_testkit::cpu_s();
     let found = find_spin(&body.passes, &SpinOptions::default()).unwrap();
     let cpu_s = sunglint_testkit::cpu_s() - before;
     // Its frequency falls evenly.
     let truth = body.period_s / (1.0 - body.drift * found.epoch_s / DAY_S);
-    let mut row = [f64::NAN; 12];
-    (row[0], row[1], row[2], row[3]) = (body.period_s, body.drift, body.passes.len() as f64, 2.0);
-    row[11] = cpu_s;
     for spin in &found.spins {
         println!(
             "   {} a turn: share {:.3}, {:.6} ({:.6} to {:.6}) of {truth:.6} s; drift {:.2e} ({:.2e} to {:.2e}) of {:.2e}; axis within {:.1}, off by {:.1} degrees, sense {:.4}, slip {:.4}",
@@ -437,17 +501,37 @@ fn asked(seed: u64) -> [f64; 12] {
             spin.slip_turns
         );
     }
+    let is = |holds: bool| f64::from(u8::from(holds));
+    let holds = |i: Interval, x: f64| is((i.from..=i.to).contains(&x));
+    let answer = |found: &SpinFound| match (found.only(), found.spins.first()) {
+        (Some(_), _) => 0.0,
+        (None, Some(_)) => 1.0,
+        (None, None) => 2.0,
+    };
+    let mut row = [f64::NAN; COLUMNS.len()];
+    (row[0], row[1], row[2]) = (body.period_s, body.drift, body.passes.len() as f64);
+    row[3] = answer(&found);
     if let Some(best) = found.spins.first() {
-        let holds = |i: Interval, x: f64| f64::from(u8::from((i.from..=i.to).contains(&x)));
-        row[3] = if found.only().is_some() { 0.0 } else { 1.0 };
         row[4] = best.share;
         row[5] = best.period_s.value / truth - 1.0;
         row[6] = 0.5 * (best.period_s.to - best.period_s.from) / truth;
         row[7] = holds(best.period_s, truth);
         row[8] = holds(best.drift_per_day, body.drift);
         row[9] = best.sense;
-        row[10] = f64::from(u8::from(best.axis.dot(body.axis) > 0.0));
+        row[10] = is(best.axis.dot(body.axis) > 0.0);
     }
+    row[11] = found.even_share.unwrap_or(f64::NAN);
+    let long = found.knowing(Body::Long);
+    row[12] = answer(&long);
+    if let Some(best) = long.spins.first() {
+        row[13] = best.period_s.value / truth - 1.0;
+        row[14] = holds(best.period_s, truth);
+        row[15] = holds(best.drift_per_day, body.drift);
+        row[16] = best.sense;
+        row[17] = is(best.axis.dot(body.axis) > 0.0);
+    }
+    row[18] = oracle(&body);
+    row[19] = cpu_s;
     row
 }
 

@@ -231,7 +231,44 @@ fits.HDUList([fits.PrimaryHDU(), h]).writeto(f + 'eossa.fits')
     assert_eq!(read.filter.unwrap(), ["V", "R"]);
 }
 
-/// Truth: the samples that were written. Read back by us, by ccsds-ndm 3.1.1 (run by hand: this TDM, see docs/files.md), and by a reader of ALCDEF written here from the standard alone.
+/// Truth: the samples that were written, as ccsds-ndm 3.1.1 reads them (`tests/peers/tdm_readers.py`; ccsds-ndm-py 0.0.9 and Orekit 13.1.9, run by hand, read the same). Tolerance: the microseconds that are written.
+#[test]
+fn a_written_tdm_is_read_by_another_program() {
+    use sunglint_formats::photometry::{Photometry, write};
+    let Some(python) =
+        peer_python("a_written_tdm_is_read_by_another_program", &["ccsds_ndm", "xsdata"])
+    else {
+        return;
+    };
+    let days = [(57_753, 0.75), (59_274, 0.0), (59_274, 0.25)];
+    let made = Photometry {
+        time: days.map(|(day, part)| moment(day, part, Scale::Utc).unwrap()).to_vec(),
+        magnitude: vec![7.25, 5.4, 6.0125],
+        sigma_mag: Some(vec![0.1, f64::NAN, 0.05]),
+        filter: Some(["R", "V", "V"].map(str::to_owned).to_vec()),
+        target: "2005-001A".into(),
+        ..Photometry::default()
+    };
+    let mut sender = write::Sender::default();
+    sender.originator = "A group".into();
+    sender.site = "UFO".into();
+    let path = std::env::temp_dir().join(format!("sunglint-written-{}.tdm", std::process::id()));
+    std::fs::write(&path, write::tdm(&made, &sender).unwrap()).unwrap();
+    let script = sunglint_testkit::repository().join("tests/peers/tdm_readers.py");
+    let out = std::process::Command::new(python).arg(script).arg(&path).output().unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{said}");
+    let rows: Vec<(String, f64)> = serde_json::from_slice(&out.stdout).unwrap();
+    let expected = [
+        ("2016-12-31T18:00:00.000000", 7.25),
+        ("2021-03-01T00:00:00.000000", 5.4),
+        ("2021-03-01T06:00:00.000000", 6.0125),
+    ];
+    assert_eq!(rows, expected.map(|(time, magnitude)| (time.to_owned(), magnitude)));
+}
+
+/// Truth: the samples that were written. Read back by us, and by a reader of ALCDEF written here from the standard alone.
 #[test]
 fn what_is_written_is_read_back() {
     use sunglint_formats::photometry::{Photometry, write};

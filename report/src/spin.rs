@@ -37,6 +37,27 @@ fn axis_deg(spin: &Spin) -> (f64, f64) {
     (longitude.rem_euclid(360.0), latitude)
 }
 
+/// The odds of the likelier of two spins, in words.
+fn odds(found: &SpinFound) -> Option<String> {
+    let [first, second] = found.spins.as_slice() else { return None };
+    let odds = first.share / second.share;
+    let digits = usize::from(odds < 9.95);
+    Some(format!("{odds:.digits$} to 1"))
+}
+
+/// The answer if it was known that the body is long.
+fn as_long(found: &SpinFound) -> String {
+    let long = found.clone().knowing(Body::Long);
+    match (long.spins.first(), odds(&long)) {
+        _ if long.spins == found.spins => "it would say nothing here".into(),
+        (Some(spin), Some(odds)) => {
+            format!("{} would have {odds}", period(spin.period_s))
+        }
+        (Some(spin), None) => format!("{} would be the only one", period(spin.period_s)),
+        (None, _) => "it would say nothing here".into(),
+    }
+}
+
 /// An interval to the second digit of its half width.
 fn period(i: Interval) -> String {
     let half = 0.5 * (i.to - i.from);
@@ -70,23 +91,33 @@ impl SpinReport<'_> {
             (None, Some(reason)) => {
                 let _ = writeln!(text, "verdict   no spin: {reason}");
             }
-            (None, None) => text.push_str(
-                "verdict   several spins, the likeliest first: the passes do not choose; more passes, seen otherwise, would\n",
-            ),
+            (None, None) => {
+                let _ = writeln!(
+                    text,
+                    "verdict   two spins{}: the passes do not choose; more passes, seen otherwise, would",
+                    odds(found).map_or_else(String::new, |o| format!(", {o} for the first"))
+                );
+            }
         }
         for spin in &found.spins {
             self.say(spin, &mut text);
         }
         let _ = match (self.body, found.even_share) {
             (Body::Any, None) => Ok(()),
+            (Body::Any, Some(even)) if found.only().is_some() => writeln!(
+                text,
+                "shape     even harmonics have {:.0} % of the variation",
+                100.0 * even
+            ),
             (Body::Long, None) => writeln!(
                 text,
                 "shape     a long body (--body long): no pass bears two harmonics, so that this says nothing here"
             ),
             (Body::Any, Some(even)) => writeln!(
                 text,
-                "shape     even harmonics have {:.0} % of the variation; {ADVICE}",
-                100.0 * even
+                "shape     even harmonics have {:.0} % of the variation; {ADVICE}: {}",
+                100.0 * even,
+                as_long(found)
             ),
             (Body::Long, Some(even)) => writeln!(
                 text,

@@ -1,6 +1,6 @@
 //! Axes, repetitions and slips summed over with their likelihoods; frequency and drift in closed form.
 
-use super::scan::{Peak, Scan};
+use super::scan::{Peak, Scan, Turned};
 use super::{Spin, SpinOptions};
 use glam::DVec3;
 use nalgebra::{Matrix4, Vector4};
@@ -120,7 +120,7 @@ impl Posterior {
         // Cells are of unlike sizes: the likelihood itself.
         let best = self.parts.iter().max_by(|a, b| a.log_height.total_cmp(&b.log_height))?;
         let sidereal = best.hz + best.drift * (scan.middle_s - self.epoch_s) / DAY_S;
-        let hz = sidereal - f64::from(best.repeats) * scan.mean_turn_hz(best.axis)?;
+        let hz = sidereal - f64::from(best.repeats) * scan.turned(best.axis)?.mean_hz;
         (hz > 0.0).then(|| 1.0 / hz)
     }
 
@@ -159,10 +159,11 @@ impl Cell {
 /// All repetitions and slips of a cell.
 fn parts(scans: &[Scan], cell: Cell, epoch_s: f64, options: &SpinOptions) -> Vec<Part> {
     let mut parts = Vec::new();
+    let turned: Option<Vec<Turned>> = scans.iter().map(|scan| scan.turned(cell.axis)).collect();
+    let Some(turned) = turned else { return parts };
     for repeats in REPEATS {
-        let peaks: Option<Vec<Peak>> =
-            scans.iter().map(|scan| scan.peak(cell.axis, repeats)).collect();
-        let Some(peaks) = peaks else { continue };
+        let peaks: Vec<Peak> =
+            scans.iter().zip(&turned).map(|(scan, turned)| scan.peak(turned, repeats)).collect();
         parts.extend(SLIPS.iter().filter_map(|slip| {
             part(scans, &peaks, (cell, repeats, *slip), epoch_s, options.drift_per_day)
         }));

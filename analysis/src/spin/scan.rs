@@ -1,7 +1,7 @@
 //! A pass under an axis: the frequency at which its stretches agree.
 
 use super::SpinPass;
-use super::stretches::Stretches;
+use super::stretches::{HARMONICS, Stretches};
 use crate::synodic::Bisectors;
 use glam::DVec3;
 use nalgebra::Complex;
@@ -28,6 +28,18 @@ pub struct Peak {
     pub log_likelihood: f64,
 }
 
+/// The bisector's turn about an axis over a pass.
+#[derive(Debug, Clone)]
+pub struct Turned {
+    /// Mean of the turn, Hz: by that, times the repetitions in a turn, apparent and sidereal frequency differ.
+    pub mean_hz: f64,
+    /// By channel: how far it is at each stretch, turns.
+    at: Vec<Vec<f64>>,
+}
+
+/// By channel: phase of a clock at each stretch, beside that of its frequency, turns.
+type Phases = Vec<Vec<f64>>;
+
 /// A pass, ready for axes.
 #[derive(Debug, Clone)]
 pub struct Scan {
@@ -46,8 +58,10 @@ pub struct Scan {
 #[derive(Debug, Clone)]
 struct Channel {
     stretches: Stretches,
-    /// Orthonormal functions of the stretches: constant, and linear where there are enough.
-    shapes: Vec<Vec<f64>>,
+    /// The same amplitudes, stretch by stretch.
+    by_stretch: Vec<Complex<f64>>,
+    /// Time of each stretch from their mean, of norm 1: amplitudes may drift along it. Empty where the stretches are too few.
+    along: Vec<f64>,
     /// Sum of the squares of all amplitudes.
     whole: f64,
     /// Variance of an amplitude's part that the best clock leaves.
@@ -56,44 +70,53 @@ struct Channel {
 
 impl Channel {
     fn new(stretches: Stretches) -> Self {
-        let n = stretches.time_s.len() as f64;
-        let mean = stretches.time_s.iter().sum::<f64>() / n;
-        let mut shapes = vec![vec![n.sqrt().recip(); stretches.time_s.len()]];
-        if stretches.time_s.len() >= DRIFTS_FROM {
-            let about: Vec<f64> = stretches.time_s.iter().map(|t| t - mean).collect();
-            let norm = about.iter().map(|t| t * t).sum::<f64>().sqrt();
-            shapes.push(about.iter().map(|t| t / norm).collect());
+        let count = stretches.time_s.len();
+        let mean = stretches.time_s.iter().sum::<f64>() / count as f64;
+        let mut along = Vec::new();
+        if count >= DRIFTS_FROM {
+            let about = stretches.time_s.iter().map(|t| t - mean);
+            let norm = about.clone().map(|t| t * t).sum::<f64>().sqrt();
+            along.extend(about.map(|t| t / norm));
         }
         let whole = stretches.amplitudes.iter().flatten().map(Complex::norm_sqr).sum();
-        Self { stretches, shapes, whole, noise: 1.0 }
+        let of = |k: usize| stretches.amplitudes.iter().map(move |row| row[k]);
+        let by_stretch = (0..count).flat_map(of).collect();
+        Self { stretches, by_stretch, along, whole, noise: 1.0 }
     }
 
-    /// Squares that the clock explains, for phases ψ of the stretches in turns.
-    fn gain(&self, psi: &[f64], turn: &mut Vec<Complex<f64>>, base: &mut Vec<Complex<f64>>) -> f64 {
-        base.clear();
-        base.extend(psi.iter().map(|p| {
-            let (sin, cos) = (-TAU * p).sin_cos();
+    /// The hands of a clock at the stretches: e^(−2πi ψ), with the phases ψ = f t + φ.
+    fn hands(&self, phases: &[f64], hz: f64) -> Vec<Complex<f64>> {
+        let one = |(t, phase): (&f64, &f64)| {
+            let (sin, cos) = (-TAU * (hz * t + phase)).sin_cos();
             Complex::new(cos, sin)
-        }));
-        turn.clone_from(base);
-        let mut gain = 0.0;
-        for (h, row) in self.stretches.amplitudes.iter().enumerate() {
-            if h > 0 {
-                turn.iter_mut().zip(base.iter()).for_each(|(t, b)| *t *= b);
-            }
-            for shape in &self.shapes {
-                let sum: Complex<f64> =
-                    row.iter().zip(turn.iter()).zip(shape).map(|((a, t), s)| a * t * s).sum();
-                gain += sum.norm_sqr();
+        };
+        self.stretches.time_s.iter().zip(phases).map(one).collect()
+    }
+
+    /// Squares that the clock explains.
+    fn gain(&self, hands: &[Complex<f64>]) -> f64 {
+        let none = Complex::new(0.0, 0.0);
+        let (mut even, mut drifting) = ([none; HARMONICS], [none; HARMONICS]);
+        let rows = self.by_stretch.chunks_exact(self.stretches.amplitudes.len());
+        for (k, (row, hand)) in rows.zip(hands).enumerate() {
+            let along = self.along.get(k).copied().unwrap_or(0.0);
+            let mut turn = *hand;
+            for ((a, even), drifting) in row.iter().zip(&mut even).zip(&mut drifting) {
+                let part = a * turn;
+                *even += part;
+                *drifting += part * along;
+                turn *= hand;
             }
         }
-        gain
+        let squares = |sums: &[Complex<f64>]| sums.iter().map(Complex::norm_sqr).sum::<f64>();
+        squares(&even) / hands.len() as f64 + squares(&drifting)
     }
 
     /// Degrees of freedom that are left.
     fn free(&self) -> f64 {
         let h = self.stretches.amplitudes.len() as f64;
-        2.0 * h * (self.stretches.time_s.len() as f64 - self.shapes.len() as f64) - 2.0
+        let shapes = if self.along.is_empty() { 1.0 } else { 2.0 };
+        2.0 * h * (self.stretches.time_s.len() as f64 - shapes) - 2.0
     }
 }
 
@@ -110,7 +133,9 @@ impl Scan {
         let (path, span_s) = (pass.path.clone(), last - first);
         let mut scan =
             Self { number, middle_s, span_s, channels, path, nominal_hz, offset_hz: 0.0 };
-        scan.offset_hz = scan.highest(&|_| 0.0, 0.0).0;
+        let still: Phases =
+            scan.channels.iter().map(|c| vec![0.0; c.stretches.time_s.len()]).collect();
+        scan.offset_hz = scan.highest(&still, 0.0).0;
         Some(scan)
     }
 
@@ -120,38 +145,48 @@ impl Scan {
     }
 
     /// Squares that a clock explains, in units of each channel's noise.
-    fn gain(&self, phase: &dyn Fn(f64) -> f64, hz: f64) -> f64 {
-        let (mut psi, mut turn, mut base) = (Vec::new(), Vec::new(), Vec::new());
-        let one = |channel: &Channel| {
-            psi.clear();
-            psi.extend(channel.stretches.time_s.iter().map(|t| hz * t + phase(*t)));
-            (channel.gain(&psi, &mut turn, &mut base)) / channel.noise
-        };
-        self.channels.iter().map(one).sum()
+    fn gain(&self, phases: &[Vec<f64>], hz: f64) -> f64 {
+        let one = |(c, phases): (&Channel, &Vec<f64>)| c.gain(&c.hands(phases, hz)) / c.noise;
+        self.channels.iter().zip(phases).map(one).sum()
+    }
+
+    /// Harmonics of the channel that has most.
+    fn harmonics(&self) -> f64 {
+        self.channels.iter().map(|c| c.stretches.amplitudes.len()).max().unwrap_or(1) as f64
     }
 
     /// The highest gain near a frequency beside the nominal one: where, and how high.
-    fn highest(&self, phase: &dyn Fn(f64) -> f64, about_hz: f64) -> (f64, f64) {
-        let harmonics =
-            self.channels.iter().map(|c| c.stretches.amplitudes.len()).max().unwrap_or(1) as f64;
-        let step = 1.0 / (OVERSAMPLING * harmonics * self.span_s);
+    fn highest(&self, phases: &[Vec<f64>], about_hz: f64) -> (f64, f64) {
+        let step = 1.0 / (OVERSAMPLING * self.harmonics() * self.span_s);
         let n = (BESIDE / self.span_s / step).ceil() as i32;
-        let tried = (-n..=n).map(|k| {
-            let hz = about_hz + f64::from(k) * step;
-            (hz, self.gain(phase, hz))
-        });
-        let best = tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((about_hz, 0.0));
-        let (hz, gain, _) = self.uphill(phase, best.0, 0.5 * step);
+        // From step to step each hand turns by as much.
+        let mut clocks: Vec<_> = (self.channels.iter().zip(phases))
+            .map(|(c, phases)| {
+                let first = c.hands(phases, about_hz - f64::from(n) * step);
+                (c, first, c.hands(&vec![0.0; phases.len()], step))
+            })
+            .collect();
+        let mut best = (about_hz, f64::NEG_INFINITY);
+        for k in -n..=n {
+            let gain: f64 = clocks.iter().map(|(c, hands, _)| c.gain(hands) / c.noise).sum();
+            if gain >= best.1 {
+                best = (about_hz + f64::from(k) * step, gain);
+            }
+            for (_, hands, further) in &mut clocks {
+                hands.iter_mut().zip(further.iter()).for_each(|(hand, by)| *hand *= by);
+            }
+        }
+        let (hz, gain, _) = self.uphill(phases, best.0, 0.5 * step);
         (hz, gain)
     }
 
     /// The peak near a frequency, its gain and curvature.
-    fn uphill(&self, phase: &dyn Fn(f64) -> f64, from_hz: f64, step: f64) -> (f64, f64, f64) {
+    fn uphill(&self, phases: &[Vec<f64>], from_hz: f64, step: f64) -> (f64, f64, f64) {
         let (mut hz, mut step) = (from_hz, step);
-        let mut top = self.gain(phase, hz);
+        let mut top = self.gain(phases, hz);
         let mut bend = 0.0;
         for _ in 0..STEPS {
-            let (a, b) = (self.gain(phase, hz - step), self.gain(phase, hz + step));
+            let (a, b) = (self.gain(phases, hz - step), self.gain(phases, hz + step));
             bend = (a + b - 2.0 * top) / (step * step);
             let slope = (b - a) / (2.0 * step);
             let next = if bend < 0.0 {
@@ -161,7 +196,7 @@ impl Scan {
             } else {
                 hz + step
             };
-            let there = self.gain(phase, next);
+            let there = self.gain(phases, next);
             if there > top {
                 (hz, top) = (next, there);
             }
@@ -193,9 +228,13 @@ impl Scan {
         sums.filter(|s| s.1 > 0.0)
     }
 
-    /// Mean turn of the bisector about an axis, Hz; `None` where it meets it.
-    pub fn mean_turn_hz(&self, axis: DVec3) -> Option<f64> {
-        Some(self.path.turned(axis)?.split().0)
+    /// The bisector's turn about an axis; `None` where it meets it.
+    pub fn turned(&self, axis: DVec3) -> Option<Turned> {
+        let turn = self.path.turned(axis)?;
+        let at = |c: &Channel| {
+            c.stretches.time_s.iter().map(|t| turn.at(self.middle_s + t)).collect::<Vec<_>>()
+        };
+        Some(Turned { mean_hz: turn.split().0, at: self.channels.iter().map(at).collect() })
     }
 
     /// Takes the noise from the best of some axes, so that likelihoods can be compared.
@@ -203,9 +242,9 @@ impl Scan {
         // Channels apart: the noise is each one's own.
         for c in 0..self.channels.len() {
             let alone = Self { channels: vec![self.channels[c].clone()], ..self.clone() };
-            let gains = axes.iter().flat_map(|axis| [1.0, 2.0].map(|n| (*axis, n)));
-            let best = gains
-                .filter_map(|(axis, n)| alone.under(axis, n).map(|(_, gain, _)| gain))
+            let turns = axes.iter().filter_map(|axis| alone.turned(*axis));
+            let best = turns
+                .flat_map(|turned| [1.0, 2.0].map(|n| alone.under(&turned, n).1))
                 .fold(0.0, f64::max);
             let channel = &mut self.channels[c];
             // Each square is the sum of two parts.
@@ -214,32 +253,28 @@ impl Scan {
     }
 
     /// Frequency beside the nominal one, gain and curvature under an axis.
-    fn under(&self, axis: DVec3, repeats: f64) -> Option<(f64, f64, f64)> {
-        let turn = self.path.turned(axis)?;
-        let (mean_hz, _) = turn.split();
-        let phase = |t: f64| -repeats * turn.at(self.middle_s + t);
-        let about = self.offset_hz + repeats * mean_hz;
-        let (hz, _) = self.highest(&phase, about);
-        let harmonics = self.channels.iter().map(|c| c.stretches.amplitudes.len()).max()? as f64;
-        let (hz, gain, bend) = self.uphill(&phase, hz, 0.1 / (harmonics * self.span_s));
-        Some((hz, gain, bend))
+    fn under(&self, turned: &Turned, repeats: f64) -> (f64, f64, f64) {
+        let phases: Phases =
+            turned.at.iter().map(|at| at.iter().map(|t| -repeats * t).collect()).collect();
+        let (hz, _) = self.highest(&phases, self.offset_hz + repeats * turned.mean_hz);
+        self.uphill(&phases, hz, 0.1 / (self.harmonics() * self.span_s))
     }
 
-    /// Returns what the pass says under an axis; `None` where the axis is met by the bisector.
-    pub fn peak(&self, axis: DVec3, repeats: u32) -> Option<Peak> {
-        let (hz, gain, bend) = self.under(axis, f64::from(repeats))?;
+    /// Returns what the pass says under the axis that the bisector turned about.
+    pub fn peak(&self, turned: &Turned, repeats: u32) -> Peak {
+        let (hz, gain, bend) = self.under(turned, f64::from(repeats));
         // The log likelihood is half of the squares.
         let variance = if bend < 0.0 { -2.0 / bend } else { self.span_s.powi(-2) };
         // What the best of all axes explains, in units of the noise that it leaves.
         let best: f64 = self.channels.iter().map(|c| c.whole / c.noise - c.free().max(1.0)).sum();
         // Channels share much of what is left: they count as one.
         let alike = self.channels.len() as f64;
-        Some(Peak {
+        Peak {
             hz: self.nominal_hz + hz,
             variance: variance * alike,
-            turn_hz: f64::from(repeats) * self.mean_turn_hz(axis)?,
+            turn_hz: f64::from(repeats) * turned.mean_hz,
             log_likelihood: 0.5 * (gain - best).min(0.0) / alike,
-        })
+        }
     }
 }
 

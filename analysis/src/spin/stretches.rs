@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// Stretches of a pass at most.
 const MOST: usize = 48;
 /// Harmonics at most, and samples of the highest one's turn at least.
-const HARMONICS: usize = 8;
+pub const HARMONICS: usize = 8;
 const SAMPLED: f64 = 2.5;
 /// Samples for each unknown of a stretch at least.
 const FOR_EACH: f64 = 1.5;
