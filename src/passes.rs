@@ -19,7 +19,7 @@ use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::nearest_names;
-use sunglint_numerics::progress::Progress;
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_observatory::planner::{
     NightPlan, PassOffer, PlannerOptions, Surroundings, plan_night,
 };
@@ -303,7 +303,8 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         None => None,
         Some((plan, text)) => {
             let around = Around { plan, search: &search, air: &air, orientation };
-            let planned = args.plan(&found.passes, around, text, &plans, console)?;
+            let files = (text.as_str(), &plans);
+            let planned = args.plan(&found.passes, around, &photometer, files, console)?;
             Some(planned)
         }
     };
@@ -477,11 +478,15 @@ impl PassesArgs {
         // A model takes its time for each point: all cores, and a bar.
         progress.begin("the passes' light", Some(passes.len() as u64));
         let one = |pass: &SeenPass| {
+            if progress.is_cancelled() {
+                return Err(Cancelled);
+            }
             let found = shown(pass, &around, photometer);
             progress.advance(1);
-            found
+            Ok(found)
         };
-        let shown = passes.par_iter().filter_map(one).collect();
+        let shown = passes.par_iter().map(one).collect::<Result<Vec<_>, Cancelled>>()?;
+        let shown = shown.into_iter().flatten().collect();
         let sets = flown(passes);
         let beside = elements_file(&path, &sets);
         // Said now, not when the night is planned.
@@ -509,15 +514,16 @@ impl PassesArgs {
         &self,
         passes: &[SeenPass],
         around: Around<'_>,
-        devices: &str,
-        plans: &OutputArgs,
+        photometer: &Photometer<'_>,
+        (devices, plans): (&str, &OutputArgs),
         console: Console,
     ) -> anyhow::Result<Planned> {
         let path = plans.output.first().cloned().unwrap_or_default();
         let sets = flown(passes);
         let file = elements_file(&path, &sets);
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let offers: Vec<PassOffer> = passes.iter().filter_map(offer).collect();
+        let offers = passes.iter().filter_map(|pass| offer(pass, photometer));
+        let offers: Vec<PassOffer> = offers.collect();
         let dark: Vec<(Epoch, Epoch)> =
             around.search.dark().iter().map(|span| (span.from, span.to)).collect();
         let surroundings = Surroundings {
@@ -648,8 +654,9 @@ fn shown(pass: &SeenPass, around: &Around<'_>, photometer: &Photometer<'_>) -> O
     for i in 0..=STEPS {
         let at = span.from + span.seconds() * f64::from(i) / f64::from(STEPS) * Unit::Second;
         let Ok(seen) = search.look(&pass.orbit, at) else { continue };
-        let light = photometer.at(&pass.orbit, at).ok().map(|(_, light)| light);
         let h = seen.horizontal;
+        let comes = seen.lit_rad > 0.0 && h.altitude_deg() > 0.0;
+        let light = comes.then(|| photometer.at(&pass.orbit, at).ok()).flatten();
         track.push(PlanPoint {
             at,
             at_deg: [h.azimuth_deg(), h.altitude_deg()].into(),
@@ -677,18 +684,20 @@ fn shown(pass: &SeenPass, around: &Around<'_>, photometer: &Photometer<'_>) -> O
         })
     };
     let rates = curves.iter().zip(&pass.expected.channels).filter_map(rate).collect();
-    Some(PlanPass { offer: offer(pass)?, track, rates, curves })
+    Some(PlanPass { offer: offer(pass, photometer)?, track, rates, curves })
 }
 
-/// A pass for the plan: its first stretch in the light; none of an object without elements.
-fn offer(pass: &SeenPass) -> Option<PassOffer> {
+/// A pass for the plan: its first stretch in the light; none of an object without elements. A model's brightest moment is often a glint, by which no standard magnitude is told.
+fn offer(pass: &SeenPass, photometer: &Photometer<'_>) -> Option<PassOffer> {
     let span = pass.pass.visible.first()?;
     Some(PassOffer {
         label: pass.target.clone(),
         norad_id: pass.norad_id,
         span: (span.from, span.to),
         v_mag: pass.expected.v_station.unwrap_or(pass.brightest.v_mag),
-        standard_magnitude: pass.brightest.standard_magnitude(),
+        standard_magnitude: (!photometer.is_model())
+            .then(|| pass.brightest.standard_magnitude())
+            .flatten(),
         highest_deg: pass.highest_visible_deg(),
     })
 }

@@ -363,7 +363,7 @@ fn elements_make_ranges_and_phases() {
 
 /// Nights of 8 frames as above, in turn with stars as points without coordinates in the headers, and with trailed stars and coordinates that are 25 px off.
 ///
-/// Asked (issue "folder to magnitudes"): 95 % within 2 standard deviations, no more than 0.02 mag of bias over all nights. Tolerance: 90 % of 160 (the target's colour is one
+/// Asked: 95 % within 2 standard deviations, no more than 0.02 mag of bias over all nights. Tolerance: 90 % of 160 (the target's colour is one
 /// draw a night, so that there are 20 independent parts).
 #[test]
 fn campaign_star_frames() {

@@ -396,11 +396,11 @@ struct Singles {
 
 /// Truth: the spin that was put in: periods of 2 to 120 s, drifts of up to 1e-3 a day, axes all over the sky, 3 to 20 passes in thirty days, a zero point free in each, noise of 0.02 to 0.14 mag.
 ///
-/// Asked (issue "tumbling rocket bodies"): period, sense and drift in their intervals of 95 % in 92 to 98 %, at most 1 % of single answers wrong, 70 % answered of those that an oracle tells which knows axis and turns.
+/// Asked: period, sense and drift in their intervals of 95 % in 92 to 98 %, at most 1 % of single answers wrong, 70 % answered of those that an oracle tells which knows axis and turns.
 /// Rocket bodies are long, which their user may say: with that the 70 % are judged. Tolerance: of some 100 intervals and more, one in ten outside would have a chance of 2 %.
 #[test]
 fn campaign_tumbling_stages() {
-    let mut campaign = Campaign::in_shards("tumbling_stages", 300, 1, &COLUMNS);
+    let mut campaign = Campaign::in_shards("tumbling_stages", 300, 3, &COLUMNS);
     for seed in campaign.seeds() {
         let row = asked(seed);
         println!("seed {seed}: {row:.3?}");
@@ -446,6 +446,11 @@ fn campaign_tumbling_stages() {
     // Rows of older commits have no answer of a long body, and no oracle.
     let anew = column("long_answer").iter().filter(|answer| !answer.is_nan()).count();
     let whole = campaign.is_whole();
+    if !whole {
+        // The first two bodies are seen too seldom; the third has one answer, whatever is known of it.
+        assert!(any.all >= 1.0 && any.wrong == 0.0, "{any:?}");
+        assert!(long.all >= 1.0 && long.wrong == 0.0, "{long:?}");
+    }
     campaign.largest("one_answer", any.all);
     campaign.largest("another_period", any.wrong);
     campaign.largest("period_outside", any.outside);

@@ -128,7 +128,7 @@ fn found(pixels: &Array2<f32>) -> Field {
     find(pixels.view(), &FieldOptions::default()).unwrap()
 }
 
-/// Truth: the line that was drawn. What is asked (issue "frames of others"): at least 95 % of those of at least 20 px with a total significance of at least 15 found, short
+/// Truth: the line that was drawn. What is asked: at least 95 % of those of at least 20 px with a total significance of at least 15 found, short
 /// ones (below 40 px) in crowded fields (250 stars and more in 512²) left out, as two stars are one such streak; a false one in at most 1 % of the frames; light within 5 %
 /// besides its own noise (3 σ).
 #[test]

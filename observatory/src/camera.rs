@@ -5,7 +5,7 @@ use super::mount::{Aim, Ready, Sights, Waiting};
 use super::movers::{Before, FrameFilter};
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
-use super::schedule::CameraWish;
+use super::schedule::{CameraWish, Schedule};
 use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
@@ -163,9 +163,9 @@ impl CameraWork {
         let mut works = false;
         let mut before: Option<Now> = None;
         while !worker.is_over() {
-            if worker.schedule.takes_focus(&self.plan.name) {
-                let done = self.focus(camera.as_mut(), worker);
-                worker.schedule.end_focus();
+            if let Some(plan) = worker.schedule.takes_focus(&self.plan.name) {
+                let done = self.focus(camera.as_mut(), &plan, worker);
+                worker.schedule.focus_done();
                 done?;
                 grid = Grid::default();
             }
@@ -322,14 +322,23 @@ impl CameraWork {
         Ok(())
     }
 
-    /// Goes through the focus, as a person asked: with frames of the whole sensor, which are not recorded. What came of it is in the log.
-    fn focus(&mut self, camera: &mut dyn Camera, worker: &mut Worker) -> Result<(), DeviceError> {
+    /// Goes through the focus, as a person asked: with frames of the whole sensor in the visit's filter, gain and exposure, which are not recorded. What came of it is in the log.
+    fn focus(
+        &mut self,
+        camera: &mut dyn Camera,
+        before: &Schedule,
+        worker: &mut Worker,
+    ) -> Result<(), DeviceError> {
         let Some(plan) = self.plan.focuser.clone() else { return Ok(()) };
         let about = self.plan.name.clone();
         let failed = |worker: &Worker, error: String| {
             worker.status.say(format!("{about}: {error}"));
             worker.disk.event(worker.clock.utc(), What::Error { about: about.clone(), error });
         };
+        if self.aim.as_ref().is_some_and(|aim| !aim.follows()) {
+            failed(worker, "no focus: the mount follows no target, and stars would trail".into());
+            return Ok(());
+        }
         let mut focuser = match worker.opener.focuser(&plan, &worker.within(READY)) {
             Ok(focuser) => focuser,
             Err(error) => {
@@ -337,28 +346,47 @@ impl CameraWork {
                 return Ok(());
             }
         };
-        let mut wide = self.plan.clone();
-        (wide.window_px, wide.binning) = (None, None);
-        self.prepare(camera, &wide, worker)?;
-        self.tell_type(camera, "light", worker)?;
+        let begun_at = worker.clock.utc();
+        let mut exposing = before.exposing(&self.plan, begun_at);
+        worker.schedule.wished(&self.plan.name).over(&mut exposing);
+        let mut wide = exposing.plan;
+        if wide.binning.is_none_or(|binning| binning == 1) {
+            (wide.window_px, wide.binning) = (None, None);
+        }
+        let ready = match self.prepare(camera, &wide, worker) {
+            Ok(()) => self.tell_type(camera, "light", worker),
+            refused => refused,
+        };
+        match ready {
+            Err(error) if error.is_permanent_setting() => {
+                failed(worker, format!("no focus: {error}"));
+                (self.set, self.told) = (None, None);
+                return Ok(());
+            }
+            ready => ready?,
+        }
         let said = |worker: &Worker, fields: serde_json::Value| {
             let serde_json::Value::Object(mut fields) = fields else { return };
             fields.insert("camera".into(), about.clone().into());
             worker.disk.event(worker.clock.utc(), What::Other { kind: "focus".into(), fields });
         };
-        let options = plan.options(self.plan.exposure_s.get());
+        let target = before.at(begun_at).cloned();
+        let goes_on = || {
+            let same = before.at(worker.clock.utc()) == target.as_ref();
+            same && !worker.is_over() && worker.schedule.focus_goes_on()
+        };
         let mut each = |seen: &Seen| {
             let radius = seen.sharpness.map_or("no star".into(), |s| format!("{:.2} px", s.hfr_px));
             worker.status.say(format!("{about}: focuser at {}: {radius}", seen.position));
             said(worker, serde_json::to_value(seen).unwrap_or_default());
-            match worker.is_over() || !worker.schedule.focus_goes_on() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
+            if goes_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         // The mount goes on to follow by them, and the page shows them.
         let sensor_px = camera.sensor_px();
-        let mut show = |frame: Frame| {
+        let mut show = |mut frame: Frame, asked: Epoch| {
+            if worker.clock.is_live() {
+                without_step(&mut frame, asked, clock_offset_s());
+            }
             let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
             if let Some(sights) = self.sights.as_ref().filter(|_| middle <= worker.clock.utc()) {
                 sights.see(&frame, sensor_px);
@@ -366,6 +394,7 @@ impl CameraWork {
             worker.status.look(&worker.name, &frame);
             worker.disk.look(&worker.name, frame);
         };
+        let options = plan.options(wide.exposure_s.get());
         let (clock, cancel) = (&worker.clock, &worker.cancel);
         let focuser = focuser.as_mut();
         let run = focus::run_showing(camera, focuser, clock, cancel, options, &mut each, &mut show);
@@ -379,11 +408,19 @@ impl CameraWork {
                 said(worker, json!({"stands_at": run.stands_at, "curve": run.curve}));
             }
             Err(run) => {
+                // Whoever took the camera meanwhile may have set it.
+                (self.set, self.told) = (None, None);
                 let back = match run.returned {
                     true => "the focuser stands where it stood",
                     false => "where the focuser stands is not known",
                 };
-                failed(worker, format!("no focus: {run}; {back}"));
+                if goes_on() {
+                    failed(worker, format!("no focus: {run}; {back}"));
+                } else {
+                    // A person, or the end of the visit: no fault.
+                    worker.status.say(format!("{about}: focusing was ended; {back}"));
+                    said(worker, json!({"ended": back}));
+                }
             }
         }
         Ok(())

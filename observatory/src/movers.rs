@@ -283,7 +283,7 @@ impl WheelWork {
 
     /// The filter that the cameras behind it want now.
     fn wanted(&self, worker: &Worker) -> Option<String> {
-        let (schedule, utc) = (worker.schedule.get(), worker.clock.utc());
+        let (schedule, utc) = (worker.schedule.for_movers(), worker.clock.utc());
         self.cameras.iter().find_map(|camera| schedule.exposing(camera, utc).plan.filter)
     }
 

@@ -44,6 +44,8 @@ const LONGEST_S: f64 = 3600.0;
 const CLOCK: Duration = Duration::from_secs(1);
 /// Time between two questions whether a clock that stepped is synchronised now.
 const CONFIRM: Duration = Duration::from_secs(10);
+/// How long an order to focus may wait for its camera, which may be exposing.
+const UNTAKEN: Duration = Duration::from_secs(120);
 /// A sleep that takes so much longer is a stall of the process.
 const STALL: Duration = Duration::from_millis(500);
 
@@ -461,7 +463,7 @@ impl Night {
             cancel,
             schedule: schedule.clone(),
             before_pause: None,
-            resumes_after_focus: false,
+            focus_asked: None,
             waits: false,
             hand,
             sequence: self.schedule.has_sequences(),
@@ -630,8 +632,8 @@ struct Watch<'a> {
     schedule: Arc<SharedSchedule>,
     /// The schedule that a pause interrupts.
     before_pause: Option<Arc<Schedule>>,
-    /// Whether the night was paused for a run through the focus.
-    resumes_after_focus: bool,
+    /// When a run through the focus was asked for.
+    focus_asked: Option<Instant>,
     /// Whether a person skipped the last visit: the night waits until its planned end.
     waits: bool,
     /// A person's hand on the mount.
@@ -670,7 +672,7 @@ impl Watch<'_> {
             let night_utc = self.status.utc();
             self.tell_targets(night_utc);
             self.obey(night_utc, live);
-            self.after_focus(night_utc);
+            self.attend_focus(night_utc);
             if live {
                 self.step_on(night_utc);
             }
@@ -817,27 +819,14 @@ impl Watch<'_> {
                 self.pause(utc);
                 Ok("paused: what is recorded now belongs to no visit".into())
             }
-            Control::Focus { camera } => {
-                let found = self.night.cameras.iter().find(|plan| plan.name == *camera);
-                if found.is_none_or(|found| found.focuser.is_none()) {
-                    return refused("the plan has no `focuser` for this camera");
-                }
-                let plan = self.before_pause.clone().unwrap_or(schedule);
-                if !self.schedule.ask_focus(camera, plan) {
-                    return refused("a camera goes through its focus already");
-                }
-                if self.before_pause.is_none() {
-                    self.pause(utc);
-                    self.resumes_after_focus = true;
-                }
-                Ok("it goes through its focus: what is recorded now belongs to no visit; Resume ends it"
+            Control::Focus { camera } => self.ask_focus(camera, utc),
+            Control::Resume if self.schedule.is_focusing() => {
+                self.schedule.cancel_focus();
+                Ok("after this position the focuser goes back to where it stood, then the plan goes on"
                     .into())
             }
-            Control::Resume if self.schedule.is_focusing() => {
-                // The camera goes back to where it stood; then the plan goes on.
-                self.resumes_after_focus = true;
-                self.schedule.cancel_focus();
-                Ok("the focuser goes back to where it stood, then the plan goes on".into())
+            Control::Pause | Control::Skip | Control::Repeat if self.schedule.is_focusing() => {
+                refused("a camera goes through its focus: wait, or resume first")
             }
             Control::Resume => match self.before_pause.take() {
                 None => refused("it is not paused"),
@@ -881,17 +870,60 @@ impl Watch<'_> {
         self.exchange(schedule.paused(utc), utc);
     }
 
-    /// After a run through the focus that paused the night the plan goes on.
-    fn after_focus(&mut self, utc: Epoch) {
-        if !self.resumes_after_focus || self.schedule.is_focusing() {
+    /// Asks a camera to go through its focus.
+    fn ask_focus(&mut self, camera: &str, utc: Epoch) -> Result<String, ControlError> {
+        let refused = |text: &str| Err(ControlError::Refused(text.to_owned()));
+        let found = self.night.cameras.iter().find(|plan| plan.name == camera);
+        if found.is_none_or(|found| found.focuser.is_none()) {
+            return refused("the plan has no `focuser` for this camera");
+        }
+        if self.before_pause.is_some() && !self.schedule.is_focusing() {
+            return refused("it is paused: resume first");
+        }
+        let schedule = self.schedule.get();
+        let kind = schedule.at(utc).map_or(TargetKind::None, |target| target.target_kind);
+        if !matches!(kind, TargetKind::Star | TargetKind::Sky | TargetKind::None) {
+            return refused(
+                "stars are needed: focus while the telescope is on a star, or on the sky",
+            );
+        }
+        if !self.is_running(camera) {
+            return refused("this camera is not at work at the moment");
+        }
+        if !self.schedule.ask_focus(camera, schedule) {
+            return refused("a camera goes through its focus already");
+        }
+        self.focus_asked = Some(Instant::now());
+        Ok("it goes through its focus after the present frame: what is recorded then belongs to no visit; Resume ends it".into())
+    }
+
+    fn is_running(&self, camera: &str) -> bool {
+        let devices = self.status.snapshot().devices;
+        devices.get(camera).is_some_and(|device| device.state == State::Running)
+    }
+
+    /// The night is paused once a camera goes through its focus, and goes on after it; an order that no camera takes is forgotten.
+    fn attend_focus(&mut self, utc: Epoch) {
+        let Some((camera, begun, done)) = self.schedule.focus_state() else { return };
+        if begun && !done && self.before_pause.is_none() {
+            self.pause(utc);
+            self.tell_targets(utc);
+        }
+        let late = self.focus_asked.is_some_and(|asked| asked.elapsed() > UNTAKEN);
+        if !done && (begun || !late) && self.is_running(&camera) {
             return;
         }
-        self.resumes_after_focus = false;
+        if !done {
+            let error = "the run through its focus did not come to its end".to_owned();
+            self.status.say(format!("{camera}: {error}"));
+            self.disk.event(utc, What::Error { about: camera, error });
+        }
         if let Some(plan) = self.before_pause.take() {
             let schedule = self.schedule.get();
             self.exchange(schedule.resumed(&plan, utc), utc);
-            self.tell_targets(utc);
         }
+        self.schedule.end_focus();
+        self.tell_targets(utc);
     }
 
     /// Commands to the mount.

@@ -371,6 +371,8 @@ struct FocusOrder {
     plan: Arc<Schedule>,
     /// Whether the camera is at it.
     begun: bool,
+    /// Whether the camera has ended.
+    done: bool,
     /// Whether the person wants no more of it.
     cancelled: bool,
 }
@@ -432,16 +434,29 @@ impl SharedSchedule {
         if focus.is_some() {
             return false;
         }
-        let (begun, cancelled) = (false, false);
-        *focus = Some(FocusOrder { camera: camera.into(), plan, begun, cancelled });
+        let (begun, done, cancelled) = (false, false, false);
+        *focus = Some(FocusOrder { camera: camera.into(), plan, begun, done, cancelled });
         true
     }
 
-    /// Takes the order for a camera, once.
-    pub fn takes_focus(&self, camera: &str) -> bool {
+    /// Takes the order for a camera, once: the plan that it interrupts.
+    pub fn takes_focus(&self, camera: &str) -> Option<Arc<Schedule>> {
         let mut focus = self.focus();
-        let order = focus.as_mut().filter(|order| order.camera == camera && !order.begun);
-        order.map(|order| order.begun = true).is_some()
+        let order = focus.as_mut().filter(|order| order.camera == camera && !order.begun)?;
+        order.begun = true;
+        Some(order.plan.clone())
+    }
+
+    /// The camera has ended its run. The order stands until the night goes on, so that the mount never sees the pause.
+    pub fn focus_done(&self) {
+        if let Some(order) = &mut *self.focus() {
+            order.done = true;
+        }
+    }
+
+    /// State of the order: the camera, whether it has begun, whether it has ended.
+    pub fn focus_state(&self) -> Option<(String, bool, bool)> {
+        self.focus().as_ref().map(|order| (order.camera.clone(), order.begun, order.done))
     }
 
     /// The person wants no more of it: one that has not begun is forgotten.
@@ -468,8 +483,8 @@ impl SharedSchedule {
         self.focus().is_some()
     }
 
-    /// The schedule for the mount: during a run through the focus, for which the night is paused, the plan as it stood before.
-    pub fn for_mount(&self) -> Arc<Schedule> {
+    /// The schedule for mount, wheels and rotators: during a run through the focus, for which the night is paused, the plan as it stood before.
+    pub fn for_movers(&self) -> Arc<Schedule> {
         let before = self.focus().as_ref().map(|order| order.plan.clone());
         before.unwrap_or_else(|| self.get())
     }
@@ -607,19 +622,21 @@ mod tests {
         let shared = SharedSchedule::new(plan);
         let before = shared.get();
         shared.set(before.paused(from + hifitime::Duration::from_seconds(5.0)));
-        assert!(Arc::ptr_eq(&shared.for_mount(), &shared.get()));
+        assert!(Arc::ptr_eq(&shared.for_movers(), &shared.get()));
         assert!(
             shared.ask_focus("cam", before.clone()) && !shared.ask_focus("cam", before.clone())
         );
-        assert!(Arc::ptr_eq(&shared.for_mount(), &before) && !Arc::ptr_eq(&shared.get(), &before));
+        assert!(Arc::ptr_eq(&shared.for_movers(), &before) && !Arc::ptr_eq(&shared.get(), &before));
         assert!(
-            !shared.takes_focus("other") && shared.takes_focus("cam") && !shared.takes_focus("cam")
+            shared.takes_focus("other").is_none()
+                && shared.takes_focus("cam").is_some()
+                && shared.takes_focus("cam").is_none()
         );
         assert!(shared.focus_goes_on());
         shared.cancel_focus();
         assert!(shared.is_focusing() && !shared.focus_goes_on());
         shared.end_focus();
-        assert!(Arc::ptr_eq(&shared.for_mount(), &shared.get()));
+        assert!(Arc::ptr_eq(&shared.for_movers(), &shared.get()));
         assert!(shared.ask_focus("cam", before));
         shared.cancel_focus();
         assert!(!shared.is_focusing());

@@ -343,6 +343,7 @@ fn a_person_focuses_during_a_night() {
     assert!(focus("other").unwrap_err().to_string().contains("no `focuser`"));
     focus("cam").unwrap();
     assert!(focus("cam").unwrap_err().to_string().contains("already"));
+    assert!(ask(Control::Skip).unwrap_err().to_string().contains("its focus"));
     until("the focus", &|| said("focus", "stands_at"));
     let then = frames();
     until("frames of the visit again", &|| frames() > then + 2);
@@ -350,9 +351,8 @@ fn a_person_focuses_during_a_night() {
     let stood = opener.0.focuser().position(&Deadline::within(Duration::from_secs(9))).unwrap();
     focus("cam").unwrap();
     ask(Control::Resume).unwrap();
-    until("the end of it", &|| {
-        said("error", "no focus") || !live.since(&Seen::default()).unwrap().paused
-    });
+    until("the end of it", &|| said("focus", "ended"));
+    until("the night goes on", &|| !live.since(&Seen::default()).unwrap().paused);
     let then = frames();
     until("frames of the visit once more", &|| frames() > then + 2);
     let stands = opener.0.focuser().position(&Deadline::within(Duration::from_secs(9))).unwrap();

@@ -129,7 +129,8 @@ function choose(n) {
 const curves = latest(async (n) => {
   try {
     const found = await get(`curves?pass=${n}`);
-    if (n === P.chosen) P.curves = found;
+    if (n !== P.chosen) return;
+    P.curves = found;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     complain(error);
@@ -158,12 +159,16 @@ function drawPassCurve() {
   if (!pass) return;
   const { c, w, h, em } = fit($("pass-curve"));
   const box = { l: 4.4 * em, r: w - 0.8 * em, t: 0.8 * em, b: h - 1.7 * em };
-  const magnitudes = $("pass-unit").value === "V";
   const shown = lines();
+  // Until the rates come the magnitudes are shown.
+  const magnitudes = shown[0]?.name === "V";
   const points = shown.flatMap((line) => line.values.filter((v) => v !== null && (magnitudes || v > 0)));
   const [from, to] = [pass.at_s[0], pass.at_s.at(-1)];
   const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
   c.fillStyle = css("--soft");
+  $("pass-curve").plot = null;
+  $("pass-legend").replaceChildren();
+  $("pass-curve").setAttribute("aria-label", "no light is expected of this pass");
   if (!points.length) { c.textBaseline = "middle"; c.fillText("no light is expected", box.l, h / 2); return; }
   const value = (v) => (magnitudes ? -v : Math.log10(v));
   let [low, high] = [Math.min(...points.map(value)), Math.max(...points.map(value))];

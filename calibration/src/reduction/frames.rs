@@ -359,7 +359,7 @@ pub fn camera_night(
                 let most = match batch.first() {
                     Some(Ahead { back: None, frame: Ok(frame), .. }) => {
                         let fit = PIXELS_SIDE_BY_SIDE / frame.pixels.len().max(1);
-                        fit.min(MOST_SIDE_BY_SIDE).max(SIDE_BY_SIDE)
+                        fit.clamp(SIDE_BY_SIDE, MOST_SIDE_BY_SIDE)
                     }
                     _ => SIDE_BY_SIDE,
                 };

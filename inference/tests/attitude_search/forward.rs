@@ -87,7 +87,7 @@ fn a_trial_has_the_rates_of_the_simulation() {
     }
 }
 
-/// Truth: reciprocity (Helmholtz) and the mirror itself: half a turn about the bisector leaves the light of any body as it is, and the body's own mirror that of a body that has it. The built-in box with
+/// Direct light alone. Truth: reciprocity (Helmholtz) and the mirror itself: half a turn about the bisector leaves the light of any body as it is, and the body's own mirror that of a body that has it. The built-in box with
 /// wings is its mirror image along z but for shadows on unlike strips. Tolerance: rounding for the exchange; for the mirror what `symmetries` measured, tenfold, since it is a mean.
 #[test]
 fn twins_send_the_same_light_in_the_middle() {

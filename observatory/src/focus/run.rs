@@ -57,7 +57,7 @@ impl RunOptions {
             points: 9,
             frames: 1,
             exposure_s,
-            overshoot: 2 * step,
+            overshoot: step.saturating_mul(2),
             approach: Approach::Up,
         }
     }
@@ -175,7 +175,7 @@ pub struct FailedRun {
 struct Runner<'a> {
     camera: &'a mut dyn Camera,
     focuser: &'a mut dyn Focuser,
-    show: &'a mut dyn FnMut(Frame),
+    show: &'a mut dyn FnMut(Frame, Epoch),
     clock: &'a DeviceClock,
     options: RunOptions,
     cancel: sunglint_drivers::clock::Cancel,
@@ -230,9 +230,10 @@ impl Runner<'_> {
         for _ in 0..self.options.frames {
             let time = FRAME + Duration::from_secs_f64(self.options.exposure_s);
             let deadline = self.within(time);
+            let asked = self.clock.utc();
             let frame = self.camera.expose(self.options.exposure_s, &deadline)?;
             seen.extend(sharpness(&frame));
-            (self.show)(frame);
+            (self.show)(frame, asked);
         }
         Ok(mean(&seen))
     }
@@ -287,10 +288,10 @@ pub fn run(
     options: RunOptions,
     each: &mut dyn FnMut(&Seen) -> ControlFlow<()>,
 ) -> Result<FocusRun, FailedRun> {
-    run_showing(camera, focuser, clock, cancel, options, each, &mut |_| {})
+    run_showing(camera, focuser, clock, cancel, options, each, &mut |_, _| {})
 }
 
-/// The same; `show` gets each frame.
+/// The same; `show` gets each frame, and when it was asked for.
 ///
 /// # Errors
 /// See [`FailedRun`].
@@ -301,7 +302,7 @@ pub fn run_showing(
     cancel: &sunglint_drivers::clock::Cancel,
     options: RunOptions,
     each: &mut dyn FnMut(&Seen) -> ControlFlow<()>,
-    show: &mut dyn FnMut(Frame),
+    show: &mut dyn FnMut(Frame, Epoch),
 ) -> Result<FocusRun, FailedRun> {
     let begun: Epoch = clock.utc();
     let mut result = FocusRun {

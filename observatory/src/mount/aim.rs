@@ -51,6 +51,11 @@ impl Aim {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether the telescope follows a target, found or not.
+    pub fn follows(&self) -> bool {
+        matches!(*self.state(), AimState::Looking(_) | AimState::On(_))
+    }
+
     /// The telescope's state changes.
     pub fn set(&self, state: AimState) {
         *self.state() = state;

@@ -107,10 +107,11 @@ impl Job {
     /// Whether the schedule, which was exchanged, still wants it.
     pub fn is_still(&self, worker: &Worker) -> bool {
         let next =
-            next_job(&worker.schedule.for_mount(), worker.clock.utc(), worker.end, &|_, _| false);
+            next_job(&worker.schedule.for_movers(), worker.clock.utc(), worker.end, &|_, _| false);
         // One that ends earlier now is it until then.
         next.is_some_and(|next| {
-            next.visit.target == self.visit.target && next.visit.from == self.visit.from
+            // After a pause for the focus its visit begins later, and the target is the same.
+            next.visit.target == self.visit.target && next.visit.from >= self.visit.from
         })
     }
 

@@ -354,7 +354,7 @@ impl MountWork {
                 self.rest(worker);
                 continue;
             }
-            let schedule = worker.schedule.for_mount();
+            let schedule = worker.schedule.for_movers();
             let barred = &self.barred;
             let is_barred = |target: &Target, from: Epoch| {
                 barred.iter().any(|(known, at)| known == target && *at == from)
@@ -467,7 +467,7 @@ impl MountWork {
                 && self.closed.is_none()
                 && hand.want() == Want::Follow
                 && !worker.is_over()
-                && (Arc::ptr_eq(schedule, &worker.schedule.for_mount()) || job.is_still(worker));
+                && (Arc::ptr_eq(schedule, &worker.schedule.for_movers()) || job.is_still(worker));
             match goes_on && worker.clock.utc() < job.to {
                 true => ControlFlow::Continue(()),
                 false => ControlFlow::Break(()),

@@ -123,7 +123,7 @@ impl SeenPass {
             culmination: event(pass.culmination)?,
             brightest,
             end: event(last.to)?,
-            expected: photometer.expected(orbit, &brightest)?,
+            expected: photometer.expected(orbit, &brightest.geometry)?,
             meridian_flip,
             keyhole,
             orbit: orbit.clone(),
@@ -212,17 +212,18 @@ impl<'a> Photometer<'a> {
         Ok(Self { station, air, light, frames, zero, exposure_s, sun_v, nodes })
     }
 
-    /// Where everything is at a moment, and the light that is expected then. Every threshold is left aside: a target below the horizon has no light, one in the umbra neither.
+    /// The light that is expected at a moment. Every threshold is left aside: a target below the horizon has no light, one in the umbra neither.
     ///
     /// # Errors
     /// A moment outside the frames, an orbit without a place then, a model without light.
-    pub fn at(
-        &self,
-        orbit: &Orbit,
-        epoch: Epoch,
-    ) -> Result<(SightingEvent, ExpectedLight), SightingError> {
-        let event = self.event(orbit, epoch)?;
-        Ok((event, self.expected(orbit, &event)?))
+    pub fn at(&self, orbit: &Orbit, epoch: Epoch) -> Result<ExpectedLight, SightingError> {
+        let observer = Observer::new(self.frames.at(epoch)?, &self.station.site);
+        self.expected(orbit, &Geometry::at(orbit, &observer)?)
+    }
+
+    /// Whether the light is that of a model, which costs time at each moment.
+    pub fn is_model(&self) -> bool {
+        matches!(self.light, SightingLight::Model(..))
     }
 
     /// Sunlight times this arrives above the air.
@@ -283,15 +284,11 @@ impl<'a> Photometer<'a> {
         })
     }
 
-    fn expected(
-        &self,
-        orbit: &Orbit,
-        event: &SightingEvent,
-    ) -> Result<ExpectedLight, SightingError> {
+    fn expected(&self, orbit: &Orbit, geometry: &Geometry) -> Result<ExpectedLight, SightingError> {
         match &self.light {
-            SightingLight::Law(law) => Ok(self.by_law(*law, &event.geometry)),
+            SightingLight::Law(law) => Ok(self.by_law(*law, geometry)),
             SightingLight::Model(ready, _) => {
-                let sample = self.sample(&mut ready.eye(), orbit, event.geometry.epoch)?;
+                let sample = self.sample(&mut ready.eye(), orbit, geometry.epoch)?;
                 let v = sample.ground_magnitudes[V];
                 let good = |(hz, predicted): &(f64, Predicted)| {
                     hz.is_finite().then_some((*hz, *predicted))
