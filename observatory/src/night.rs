@@ -814,6 +814,9 @@ impl Watch<'_> {
                 self.schedule.wish(camera, CameraWish { exposure_s: *exposure_s, gain: *gain });
                 Ok("from the next frame of the sky on".into())
             }
+            Control::Pause | Control::Skip | Control::Repeat if self.schedule.is_focusing() => {
+                refused("a camera goes through its focus: wait, or resume first")
+            }
             Control::Pause if self.before_pause.is_some() => refused("it is paused already"),
             Control::Pause => {
                 self.pause(utc);
@@ -824,9 +827,6 @@ impl Watch<'_> {
                 self.schedule.cancel_focus();
                 Ok("after this position the focuser goes back to where it stood, then the plan goes on"
                     .into())
-            }
-            Control::Pause | Control::Skip | Control::Repeat if self.schedule.is_focusing() => {
-                refused("a camera goes through its focus: wait, or resume first")
             }
             Control::Resume => match self.before_pause.take() {
                 None => refused("it is not paused"),

@@ -350,6 +350,7 @@ fn a_person_focuses_during_a_night() {
     // Once more, and ended by hand.
     let stood = opener.0.focuser().position(&Deadline::within(Duration::from_secs(9))).unwrap();
     focus("cam").unwrap();
+    until("the beginning of it", &|| live.since(&Seen::default()).unwrap().paused);
     ask(Control::Resume).unwrap();
     until("the end of it", &|| said("focus", "ended"));
     until("the night goes on", &|| !live.since(&Seen::default()).unwrap().paused);

@@ -515,7 +515,7 @@ mod tests {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             low + (high - low) * (state >> 33) as f64 / (1_u64 << 31) as f64
         };
-        let at = |first: f64, second: f64| direction([first, second].into());
+        let at = |first: f64, second: f64| direction([first, second]);
         let (mut inside, mut outside) = (0, 0);
         for k in 0..120 {
             let a = [next(-360.0, 360.0), next(-130.0, 130.0)];
@@ -525,7 +525,9 @@ mod tests {
                 1 => [a[0] + way[0], a[1]],
                 _ => [a[0] + way[0] / 4.0, a[1] + way[1]],
             };
+            let part = [next(0.0, 1.0), next(0.0, 1.0)];
             let sun = match k % 5 {
+                4 => at(a[0] + part[0] * (b[0] - a[0]), a[1] + part[1] * (b[1] - a[1])),
                 0 => at(0.0, 90.0),
                 1 => at(0.0, next(-89.0, 89.0)),
                 _ => at(next(-180.0, 180.0), next(-89.0, 89.0)),
