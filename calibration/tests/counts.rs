@@ -166,6 +166,9 @@ fn a_star_in_the_background_is_left_out() {
     assert_eq!(found.at(at(29.0), 0).source, BackgroundSource::Nearest);
 }
 
+/// Level of the sky in a camera's frames at a time, and their setting.
+type Frames<'a> = &'a dyn Fn(f64) -> Option<(f64, usize)>;
+
 /// Truth: by hand. A sky that grows three-fold in 200 s, as 3^(t/200), from 10⁵ Hz above a dark rate of 30 Hz; in the camera as its power 1/1.1. In the middle it is √3 times as bright as at the begin, to 0.1 % for the looks' lengths; the line
 /// is 13 % above that. Frames of another exposure at the target (or another one for each frame, as automatic exposure has them) do not carry it, and that is said; nor do none, or those that stay as they are.
 #[test]
@@ -201,7 +204,7 @@ fn a_background_that_is_carried_is_told_from_one_on_a_line() {
     assert_eq!(sample.background_from, Some(BackgroundSource::Carried));
     assert!((sample.background_hz.value / middle - 1.0).abs() < 1e-3, "{sample:?} {middle}");
     assert_eq!((tally.carried, tally.on_line(), tally.doubt()), (160, 0, None));
-    let on_line: [(&dyn Fn(f64) -> Option<(f64, usize)>, NotCarried); 5] = [
+    let on_line: [(Frames<'_>, NotCarried); 5] = [
         (&|s| Some((level(s), usize::from(at_target(s)))), NotCarried::OtherSettings),
         (&|s| Some((level(s), s as usize)), NotCarried::OtherSettings),
         (&|s| (!at_target(s)).then(|| (level(s), 0)), NotCarried::NoFrames),
