@@ -413,7 +413,7 @@ fn elements_make_ranges_and_phases() {
     folder.refused(2, &["reduce", "sidereal_header_7", "--score", "s.csv"]);
 }
 
-/// Of each night of the campaign: counts, sums of magnitudes from the truth where five stars make the zero point, and the same by photutils.
+/// Columns: counts of a night, sums of magnitudes from the truth where five stars make the zero point, and the same by photutils.
 const NIGHT: [&str; 11] = [
     "frames",
     "without",

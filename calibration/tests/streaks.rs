@@ -133,7 +133,7 @@ fn found(pixels: &Array2<f32>) -> Field {
     find(pixels.view(), &FieldOptions::default()).unwrap()
 }
 
-/// Of each frame: whether its streak was asked for, missed, and so on; `pull` is the light's distance from the truth in its standard deviations.
+/// Columns: whether the streak of a frame was asked for, missed, and so on; `pull` is the light's distance from the truth in its standard deviations.
 const FRAME: [&str; 12] = [
     "asked",
     "missed",
