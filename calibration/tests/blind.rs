@@ -8,7 +8,7 @@ use std::path::Path;
 use sunglint_calibration::field_stars::Catalogue;
 use sunglint_calibration::field_stars::blind::{Patterns, Solved};
 use sunglint_calibration::field_stars::solve_field::{SolveField, SolveFieldError};
-use sunglint_calibration::field_stars::solver::{Hint, Solver};
+use sunglint_calibration::field_stars::solver::{Hint, Solver, SolverError};
 use sunglint_calibration::photometry::field::{FieldOptions, find};
 use sunglint_formats::image_frame::ImageFrame;
 use sunglint_formats::time::parse_utc;
@@ -185,7 +185,9 @@ fn campaign_plate_solving() {
 }
 
 /// Widths of the other program's fields, deg, in turn.
-const PROGRAM_WIDTHS: &str = "2,3,5,10,20";
+const PROGRAM_WIDTHS: &str = "2,2.5,3,4,5,6,7,8,12,20";
+/// Narrowest field that our own list carries, deg.
+const OWN_DEG: f64 = 8.0;
 
 /// Whether astrometry.net and its index files of Tycho-2 are there; else the skip is recorded.
 fn has_solve_field(test: &str) -> bool {
@@ -199,42 +201,117 @@ fn has_solve_field(test: &str) -> bool {
     true
 }
 
-/// Truth: as in `campaign_plate_solving`; the solver is another program (`solve-field` 0.93) with another list (Tycho-2's index files), given our sources. Fields of 2° to 20°, told 5 % wrong: each within max(2″, 0.2 px). That of 20° is solved with our own
-/// patterns of the embedded stars, too, and both answers are the same place within twice that. Random points, and a width told half as much again, have no answer.
+/// Truth: as in `campaign_plate_solving`; the solver is another program (`solve-field` 0.93) with another list (Tycho-2's index files), given our sources. Fields of 2° to 20°, eight of ten of 2° to 8°, told 5 % wrong; those of 8° and more are solved with our own
+/// patterns of Hipparcos' stars, too (in the part that runs every time those of 20° with the embedded stars), and both answers are the same place within max(2″, 0.2 px) twice. Tolerance for 95 % of those of 2° to 8°, as asked: max(2″, 0.2 px); another place is
+/// wrong. For every fourth seed it is also asked for random points in the frame's place, or told a width that is half as much again: no answer is right.
 #[test]
-fn another_program_finds_narrow_fields() {
-    const TEST: &str = "another_program_finds_narrow_fields";
+fn campaign_solve_field() {
+    const TEST: &str = "campaign_solve_field";
+    const COLUMNS: [&str; 6] = ["width_deg", "program", "off_arcsec", "own", "apart", "false"];
     if !has_solve_field(TEST) {
         return;
     }
+    let mut campaign = Campaign::in_shards("solve_field", 200, 10, &COLUMNS);
+    let seeds = campaign.seeds();
+    let is_part = seeds == (0..10);
     let hint = Hint { middle: parse_utc("2026-11-24T12:00:00Z").unwrap(), scale_arcsec: None };
-    let answer = |solver: &mut Solver, frame: &ImageFrame| {
-        solver.solve(frame.pixels.view(), &hint, &FieldOptions::default()).unwrap().solved
-    };
-    let by_program = |width: f64, within_s: u32| {
-        let program = SolveField::new("solve-field").within_s(within_s);
-        Solver::by_program(program, Some(TOLD * width))
-    };
-    let Some(folder) = drawn(TEST, 0, 5, PROGRAM_WIDTHS) else { return };
-    let points = drawn(TEST, 0, 5, "random").unwrap();
-    for (k, entry) in truth(folder.path()).iter().enumerate() {
-        let width = entry["width_deg"].as_f64().unwrap();
-        let frame = frame(folder.path(), entry);
-        let found = answer(&mut by_program(width, 60), &frame);
-        println!("{width}°: {:?}″ off", found.as_ref().map(|found| off_arcsec(found, entry)));
-        assert!(judge(found.as_ref(), entry) == 1.0, "{width}°: {found:?}");
-        if width == 20.0 {
-            let own = answer(&mut Solver::new(None, None, Some(TOLD * width)).unwrap(), &frame);
-            let (a, b) = (found.unwrap(), own.unwrap());
-            let there = serde_json::json!({ "centre_deg": b.centre_deg.to_array() });
-            assert!(off_arcsec(&a, &there) < 2.0 * (0.2 * a.scale_arcsec).max(2.0));
+    // On a busy machine the program does not get its processor time within its time by the clock: it is asked again.
+    let answer = |solver: &mut Solver, frame: &ImageFrame| loop {
+        match solver.solve(frame.pixels.view(), &hint, &FieldOptions::default()) {
+            Err(SolverError::Program(SolveFieldError::Failed { end, .. }))
+                if end.starts_with("no end") =>
+            {
+                println!("{end}: once more");
+            }
+            looked => return looked.unwrap().solved,
         }
-        if k == 0 {
-            let points = self::frame(points.path(), entry);
-            assert!(answer(&mut by_program(width, 10), &points).is_none());
-            assert!(answer(&mut by_program(1.5 * width, 10), &frame).is_none());
+    };
+    let mut own_solvers: Vec<(f64, Solver)> = Vec::new();
+    let mut from = seeds.start;
+    while from < seeds.end {
+        let to = (from + 20).min(seeds.end);
+        let count = (to - from) as usize;
+        let Some(folder) = drawn(TEST, from, count, PROGRAM_WIDTHS) else { return };
+        let points = drawn(TEST, from, count, "random").unwrap();
+        for entry in truth(folder.path()) {
+            let seed = entry["number"].as_u64().unwrap();
+            let width = entry["width_deg"].as_f64().unwrap();
+            let frame = frame(folder.path(), &entry);
+            let by_program = |width: f64, within_s: u32| {
+                let program = SolveField::new("solve-field").within_s(within_s);
+                Solver::by_program(program, Some(TOLD * width))
+            };
+            let found = answer(&mut by_program(width, 60), &frame);
+            let off = found.as_ref().map_or(-1.0, |found| off_arcsec(found, &entry));
+            let (mut own, mut apart) = (-1.0, -1.0);
+            if width >= if is_part { 20.0 } else { OWN_DEG } {
+                if own_solvers.iter().all(|(made, _)| *made != width) {
+                    let list = folder.path().join("list.csv");
+                    let list = (!is_part).then_some((list.as_path(), "hp"));
+                    let (path, column) = list.unzip();
+                    let solver = Solver::new(path, column, Some(TOLD * width)).unwrap();
+                    own_solvers.push((width, solver));
+                }
+                let solver = own_solvers.iter_mut().find(|(made, _)| *made == width);
+                let by_list = answer(&mut solver.unwrap().1, &frame);
+                own = judge(by_list.as_ref(), &entry);
+                if let (Some(a), Some(b)) = (&found, &by_list) {
+                    let there = serde_json::json!({
+                        "centre_deg": b.centre_deg.to_array(),
+                    });
+                    apart = off_arcsec(a, &there) / (0.2 * a.scale_arcsec).max(2.0);
+                }
+            }
+            let wrong = match seed % 8 {
+                0 => answer(&mut by_program(width, 20), &self::frame(points.path(), &entry)),
+                4 => answer(&mut by_program(1.5 * width, 20), &frame),
+                _ => None,
+            };
+            let is_false = f64::from(u8::from(wrong.is_some()));
+            let row = [width, judge(found.as_ref(), &entry), off, own, apart, is_false];
+            println!("{seed}: {row:?}");
+            campaign.keep(seed, &row);
         }
+        from = to;
     }
+    let widths = campaign.column("width_deg");
+    let (judged, offs) = (campaign.column("program"), campaign.column("off_arcsec"));
+    for width in PROGRAM_WIDTHS.split(',').map(|width| width.parse::<f64>().unwrap()) {
+        let of: Vec<usize> = (0..widths.len()).filter(|i| widths[*i] == width).collect();
+        let mut off: Vec<f64> = of.iter().map(|i| offs[*i]).filter(|off| *off >= 0.0).collect();
+        off.sort_by(f64::total_cmp);
+        let at =
+            |part: f64| off.get((part * off.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+        let right = of.iter().filter(|i| judged[**i] == 1.0).count();
+        println!(
+            "{width}°: {right} of {} right; off by {:.2}″ (median), {:.2}″ (95 %)",
+            of.len(),
+            at(0.5),
+            at(0.95)
+        );
+    }
+    let wrong = judged.iter().filter(|judged| **judged == 3.0).count();
+    let false_ones = campaign.column("false").into_iter().filter(|found| *found > 0.0).count();
+    let apart: Vec<f64> =
+        campaign.column("apart").into_iter().filter(|apart| *apart >= 0.0).collect();
+    let agreeing = apart.iter().filter(|apart| **apart < 2.0).count();
+    println!("{wrong} wrong, {false_ones} false; {agreeing} of {} agree", apart.len());
+    assert_eq!((wrong, false_ones), (0, 0));
+    assert_eq!(agreeing, apart.len(), "{apart:?}");
+    let missed = |is_narrow: bool| {
+        let of = widths.iter().zip(&judged).filter(|(width, _)| (**width <= OWN_DEG) == is_narrow);
+        let judged: Vec<f64> = of.map(|(_, judged)| *judged).collect();
+        (judged.iter().filter(|judged| **judged != 1.0).count(), judged.len())
+    };
+    let [(narrow, all_narrow), (wide, all_wide)] = [missed(true), missed(false)];
+    println!("{narrow} of {all_narrow} narrow and {wide} of {all_wide} wide fields are not right");
+    let most_missed = if is_part { 1 } else { all_narrow / 20 };
+    assert!(narrow <= most_missed, "{narrow} of {all_narrow}");
+    campaign.largest("wrong", wrong as f64);
+    campaign.largest("false", false_ones as f64);
+    campaign.largest("missed_narrow", narrow as f64);
+    campaign.largest("missed_wide", wide as f64);
+    campaign.finish();
 }
 
 /// Truth: astropy's own coordinates (the test of `formats` holds ours against it); here that what is written is read back.
