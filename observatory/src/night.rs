@@ -44,7 +44,7 @@ const LONGEST_S: f64 = 3600.0;
 const CLOCK: Duration = Duration::from_secs(1);
 /// Time between two questions whether a clock that stepped is synchronised now.
 const CONFIRM: Duration = Duration::from_secs(10);
-/// How long an order to focus may wait for its camera, which may be exposing.
+/// Longest wait of an order to focus for its camera, which may be exposing.
 const UNTAKEN: Duration = Duration::from_secs(120);
 /// A sleep that takes so much longer is a stall of the process.
 const STALL: Duration = Duration::from_millis(500);

@@ -1,6 +1,6 @@
 //! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
-use super::focus::run::{Approach, RunOptions};
+use super::focus::run::{Approach, RunError, RunOptions};
 use super::mount::{MountPlan, needs_mount};
 use super::schedule::{Schedule, Slot};
 use super::sequence::{CameraSetup, Exposing, Step};
@@ -237,7 +237,7 @@ pub struct FocuserPlan {
 }
 
 impl FocuserPlan {
-    /// How it is run, with this exposure where it has none of its own.
+    /// Returns the options of a run, with this exposure where it has none of its own.
     pub fn options(&self, exposure_s: f64) -> RunOptions {
         let exposure_s = self.exposure_s.map_or(exposure_s, Positive::get);
         RunOptions::new(self.step, exposure_s).with(|options| {
@@ -814,7 +814,14 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
             return Err(document.error_at(&format!("{key}.device"), expected));
         }
         let options = focuser.options(camera.exposure_s.get());
-        options.check().map_err(|error| document.error_at(&key, error.to_string()))?;
+        options.check().map_err(|error| match error {
+            // By the names of the command's options, which the keys have, too.
+            RunError::Option { what, expected, .. } => {
+                let name = what.trim_start_matches('-').replace('-', "_");
+                document.error_at(&format!("{key}.{name}"), expected)
+            }
+            other => document.error_at(&key, other.to_string()),
+        })?;
     }
     for (i, wheel) in written.wheels.iter().enumerate() {
         let mut filters = HashSet::new();

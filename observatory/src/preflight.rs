@@ -652,6 +652,12 @@ impl Opened {
                         found.error(&name, text);
                     }
                 }
+                Some(Err(error)) if !error.is_permanent_setting() => {
+                    found.warning(
+                        &name,
+                        format!("{error}; it is opened anew when the page asks for focus"),
+                    );
+                }
                 other => not_there(&name, other, options, found),
             }
         }

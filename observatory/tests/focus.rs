@@ -311,6 +311,15 @@ fn a_person_focuses_during_a_night() {
     let text = "station = \"ufo\"\nfor_s = 600\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.05\n\
                 focuser = { device = \"alpaca-focuser:127.0.0.1:1/0\", step = 500, overshoot = 400 }\n\
                 [[visit]]\nstar = \"Polaris\"\n";
+    // What makes no run is refused by its key, whatever its size.
+    for (wrong, said) in [
+        ("step = 5000000000000000000", "camera[0].focuser.step"),
+        ("step = 500, points = 3", "camera[0].focuser.points"),
+    ] {
+        let text = text.replace("step = 500", wrong);
+        let error = Plan::of_text(&folder.join("night.toml"), &text, &[]).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("expected"), "{error}");
+    }
     let plan = Plan::of_text(&folder.join("night.toml"), text, &[]).unwrap();
     let root = folder.join("session");
     let opener = Arc::new(AtBench(bench));

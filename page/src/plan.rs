@@ -31,7 +31,7 @@ pub struct PlanPoint {
     pub lit: bool,
     /// Whether the sky is dark.
     pub dark: bool,
-    /// How fast it moves over the sky, deg/s; `None` where it has no place a moment before or after.
+    /// Speed over the sky, deg/s; `None` where it has no place a moment before or after.
     pub speed_deg_per_s: Option<f64>,
     /// V magnitude at the station, after the air; `None` where no light comes.
     pub v_mag: Option<f64>,

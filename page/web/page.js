@@ -768,13 +768,8 @@ function timeTicks(low, high, most) {
   return { at: out, digits: step < 1 ? 1 : 0, short: step >= 60 };
 }
 
-function drawCounts() {
-  const { c, w, h, em } = fit($("counts"));
-  const [from, to] = range();
-  const data = S.live ? liveCounts(from) : S.shown;
-  S.wideAt = data?.coarse ? performance.now() : 0;
-  const box = { l: 4.2 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
-  const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
+// Lines of a chart at round times, with the times below.
+function timeAxis(c, [from, to], x, box, w, em) {
   c.fillStyle = css("--soft");
   c.strokeStyle = css("--line");
   c.lineWidth = 1;
@@ -786,6 +781,16 @@ function drawCounts() {
     const half = c.measureText(text).width / 2;
     if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
   }
+}
+
+function drawCounts() {
+  const { c, w, h, em } = fit($("counts"));
+  const [from, to] = range();
+  const data = S.live ? liveCounts(from) : S.shown;
+  S.wideAt = data?.coarse ? performance.now() : 0;
+  const box = { l: 4.2 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
+  const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
+  timeAxis(c, [from, to], x, box, w, em);
   // Visits as strips, with their names.
   for (const visit of S.about.visits) {
     if (visit.to_s <= from || visit.from_s >= to) continue;
@@ -1820,17 +1825,7 @@ function drawCurve() {
   else least = Math.min(least, 0.9 * least, least - 0.05 * (most - least));
   // Magnitudes are brighter upwards.
   const y = (rate) => { const part = (rate - least) / (most + room - least); return box.b - (mags ? 1 - part : part) * (box.b - box.t); };
-  c.fillStyle = css("--soft");
-  c.strokeStyle = css("--line");
-  c.lineWidth = 1;
-  c.textBaseline = "top";
-  const time = timeTicks(from, to, Math.max(2, (box.r - box.l) / (6 * em)));
-  for (const t of time.at) {
-    c.beginPath(); c.moveTo(x(t), box.t); c.lineTo(x(t), box.b); c.stroke();
-    const text = time.short ? utc(t, 0).slice(0, 5) : utc(t, time.digits);
-    const half = c.measureText(text).width / 2;
-    if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
-  }
+  timeAxis(c, [from, to], x, box, w, em);
   c.textBaseline = "middle";
   const marks = ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)));
   const written = numbersOf(marks);
@@ -2545,7 +2540,7 @@ async function begin() {
   }
 }
 const setDraw = (name, draw) => { DRAW[name] = draw; };
-export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, notice, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeTicks, token, utc, wakened, warnings };
+export { $, S, Refused, STROKES, about, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, notice, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeAxis, token, utc, wakened, warnings };
 // This program came: theme.js may load the page again when it does not.
 try { sessionStorage.setItem("sunglint-reloads", 0); } catch { /* nothing is kept */ }
 begin();

@@ -1,5 +1,5 @@
 // A night that is planned by hand: passes and stars, picked on the sky or from the list, in an order; saved as NIGHT.toml.
-import { $, S, STROKES, Refused, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeTicks, token, utc } from "./page.js";
+import { $, S, STROKES, Refused, ask, clamp, complain, css, fit, get, hertz, latest, lightColour, lineColour, loadSky, numbersOf, onToken, redraw, row, setDraw, span, swatchOf, theme, thickness, ticks, timeAxis, token, utc } from "./page.js";
 
 const LEFT_OUT = 3;
 const P = { picks: [], chosen: null, plan: null, saved: null, curves: null };
@@ -185,17 +185,7 @@ function drawPassCurve() {
     c.fillRect(x(pass.at_s[i - 1]), box.t, x(pass.at_s[i]) - x(pass.at_s[i - 1]), box.b - box.t);
     c.globalAlpha = 1;
   }
-  c.strokeStyle = css("--line");
-  c.fillStyle = css("--soft");
-  c.lineWidth = 1;
-  c.textBaseline = "top";
-  const time = timeTicks(from, to, Math.max(2, (box.r - box.l) / (6 * em)));
-  for (const t of time.at) {
-    c.beginPath(); c.moveTo(x(t), box.t); c.lineTo(x(t), box.b); c.stroke();
-    const text = time.short ? utc(t, 0).slice(0, 5) : utc(t, time.digits);
-    const half = c.measureText(text).width / 2;
-    if (x(t) - half > 0 && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
-  }
+  timeAxis(c, [from, to], x, box, w, em);
   c.textBaseline = "middle";
   const marks = ticks(low, high, Math.max(2, (box.b - box.t) / (2.4 * em)));
   const written = numbersOf(marks);
