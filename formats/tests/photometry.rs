@@ -328,13 +328,51 @@ fn what_is_written_is_read_back() {
         assert_eq!(text.matches(&format!("\n{key}=")).count(), 2, "{key}: {text}");
     }
     assert!(text.lines().all(|l| l.len() <= 255 && l.is_ascii()));
-    assert!(text.contains("DATA=2457753.7500000000|7.2500|0.1000\n"), "{text}");
+    assert!(text.contains("DATA=2457753.7500000000|7.2500|0.1000|\n"), "{text}");
+    // Others' programs look for a third and a fourth field without counting: an uncertainty that is not known leaves its field empty.
+    assert!(text.contains("|6.0125||\n"), "{text}");
     assert!(write::tdm(&Photometry::default(), &sender).is_err());
     made.is_relative = true;
     assert!(
         write::tdm(&made, &sender).is_err()
             && write::alcdef(&made, &sender).unwrap().contains("DIFFERMAGS=TRUE")
     );
+}
+
+/// Truth: what the tests of `dnl-blkv/alcdef-php` expect of the same file, and the rows as they stand there; JD 2451425.5 is 1999-09-04T00:00 (Meeus, table 7.A: 2451544.5 is 2000-01-01T00:00). Written again, the rows have the same numbers.
+///
+/// What was written was read by hand with two programs of others: `alcdef2json` of D. Belyakov (all rows, no unknown key) and `read_alcdef` of `dirac-institute/CometGPs` (largest difference 0).
+#[test]
+fn sessions_of_the_database_are_read() {
+    use sunglint_formats::photometry::write;
+    let folder = sunglint_testkit::repository().join("fixtures/photometry");
+    let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    let zachia = text("alcdef_zachia.txt");
+    assert_eq!(recognise(&zachia), Some(Format::Alcdef));
+    let read = read_str("zachia.txt", &zachia, Format::Alcdef).unwrap();
+    assert_eq!((read.target.as_str(), read.magnitude.len(), read.is_relative), ("Zachia", 35, false));
+    assert_eq!((read.magnitude[0], read.magnitude[34]), (13.192, 13.274));
+    assert_eq!(read.sigma_mag.as_ref().map(|s| (s[0], s[26])), Some((0.008, 0.042)));
+    // 0.113960 d and 0.328090 d after midnight.
+    let times = [0, 34].map(|i| format_utc(read.time[i], 3));
+    assert_eq!(times, ["1999-09-04T02:44:06.144Z", "1999-09-04T07:52:26.976Z"]);
+    // MAGBAND, the band of the magnitudes; FILTER is what stood before the camera.
+    assert_eq!(read.filter.as_ref().map(|f| f[0].as_str()), Some("R"));
+    let written = write::alcdef(&read, &write::Sender::default()).unwrap();
+    let rows = |text: &str| -> Vec<[f64; 3]> {
+        let rows = text.lines().filter_map(|l| l.strip_prefix("DATA="));
+        rows.map(|l| [0, 1, 2].map(|k| l.split('|').nth(k).unwrap().parse().unwrap())).collect()
+    };
+    assert_eq!(rows(&written), rows(&zachia));
+    // Two sessions without an ENDDATA between them.
+    let ceres = read_str("ceres.txt", &text("alcdef_ceres.txt"), Format::Alcdef).unwrap();
+    assert_eq!(
+        ceres.magnitude,
+        [7.328, 7.317, 7.317, 7.277, 7.311, 7.189, 7.185, 7.193, 7.183, 7.186]
+    );
+    let sessions = ceres.session.unwrap();
+    assert!(sessions[4] != sessions[5] && sessions[0] == sessions[4], "{sessions:?}");
+    assert_eq!(format_utc(ceres.time[0], 3), "2011-09-13T05:39:44.957Z");
 }
 
 /// Truth: half of an exposure of 60 s, after EXPJD of ALCDEF 2.1 (START, MID, END); programs write `NONE` too.

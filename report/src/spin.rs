@@ -123,7 +123,12 @@ impl SpinReport<'_> {
                 text,
                 "shape     a long body (--body long): even harmonics have {:.0} % of the variation, which {}",
                 100.0 * even,
-                if even > 0.5 { "speaks for one repetition a turn" } else { "says nothing here" }
+                match (even > 0.5, found.odd_is_seen) {
+                    (true, true) => "speaks for one repetition a turn",
+                    (true, false) =>
+                        "says nothing here: odd ones are not seen, so the light may repeat in half of the time",
+                    (false, _) => "says nothing here",
+                }
             ),
         };
         let agree = found.passes.iter().filter(|p| p.apparent_s.is_some()).count();

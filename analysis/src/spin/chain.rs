@@ -58,6 +58,7 @@ pub fn of_passes(
         spins: Vec::new(),
         all: Vec::new(),
         even_share: None,
+        odd_is_seen: false,
         refused,
         epoch_s: 0.0,
         passes: found,

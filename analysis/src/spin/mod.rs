@@ -51,11 +51,13 @@ pub enum Body {
     #[default]
     Any,
     /// Long, and turning across its length or nearly so, as the stages of rockets do: it shows its side twice a turn, and not four times. Light of which even harmonics have the most has two maxima in its
-    /// repetition, and so repeats once a turn. Light of which they have less says nothing: the two ends may be unlike enough to be the strongest.
+    /// repetition, and so repeats once a turn. Light of which they have less says nothing: the two ends may be unlike enough to be the strongest. Light in which only even ones are seen says nothing either:
+    /// it may as well repeat in half of the time.
     Long,
 }
 
-/// Odds that a long body whose even harmonics are clearly the strongest repeats once a turn: of 300 cylinders (synthetic) 233 had that share, and all of these did: at 95 % at least 78 to 1. Bodies whose two ends are alike were not among them.
+/// Odds that a long body whose even harmonics are clearly the strongest repeats once a turn: of 300 cylinders (synthetic) 233 had that share, and all did but for some whose odd harmonics were not seen, of which a long shape says nothing: at 95 % at least 78 to 1.
+/// Bodies whose two ends are alike were not among them.
 const LONG_ODDS: f64 = 78.0;
 /// Share of the variation in even harmonics, above one half, from which on they are that.
 const CLEAR: f64 = 0.1;
@@ -180,6 +182,8 @@ pub struct SpinFound {
     /// Share of the light's variation that the even harmonics of its repetition have, over the passes that are used: 1 where it has two equal maxima, near 0 where it has one. `None` where no pass
     /// bears two harmonics.
     pub even_share: Option<f64>,
+    /// Whether odd harmonics stand out of the noise. Where they do not, the light may as well repeat in half of what is taken for its repetition, and a long shape says nothing.
+    pub odd_is_seen: bool,
     /// Why there is none.
     pub refused: Option<NoSpin>,
     /// The moment of the periods: the mean of the passes' middles, s.
@@ -197,7 +201,7 @@ impl SpinFound {
     /// The same passes, where that is known of the body.
     #[must_use]
     pub fn knowing(mut self, body: Body) -> Self {
-        let odds = body.log_odds(self.even_share);
+        let odds = body.log_odds(self.even_share.filter(|_| self.odd_is_seen));
         let weigh = |s: &Spin| {
             s.share * if s.repeats == 1 { (0.5 * odds).exp() } else { (-0.5 * odds).exp() }
         };
@@ -245,7 +249,8 @@ pub fn find_spin(passes: &[SpinPass], options: &SpinOptions) -> Result<SpinFound
     }
     let posterior = posterior::Posterior::new(&scans, options);
     (found.all, found.epoch_s) = (posterior.spins(), posterior.epoch_s);
-    found.even_share = scan::even_share(&scans);
+    let even = scan::even_share(&scans);
+    (found.even_share, found.odd_is_seen) = (even.map(|e| e.0), even.is_some_and(|e| e.1));
     found.passes.iter_mut().for_each(|pass| pass.apparent_s = None);
     for scan in &scans {
         let pass = &mut found.passes[scan.number];

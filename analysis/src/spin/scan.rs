@@ -205,13 +205,13 @@ impl Scan {
         (hz, top, bend)
     }
 
-    /// Squares that the even harmonics have, and all, at the apparent frequency, without what noise has. `None` where no channel bears two harmonics.
-    fn even_and_all(&self) -> Option<(f64, f64)> {
+    /// The variation that the harmonics have at the apparent frequency, without what noise has. `None` where no channel bears two harmonics.
+    fn variation(&self) -> Option<Variation> {
         let mut sums = None;
         for channel in self.channels.iter().filter(|c| c.stretches.amplitudes.len() > 1) {
             let times = &channel.stretches.time_s;
             let n = times.len() as f64;
-            let (even, all): &mut (f64, f64) = sums.get_or_insert((0.0, 0.0));
+            let sum: &mut Variation = sums.get_or_insert_default();
             for (h, row) in (1_u32..).zip(&channel.stretches.amplitudes) {
                 let turned = row.iter().zip(times).map(|(a, t)| {
                     let (sin, cos) = (-TAU * f64::from(h) * self.offset_hz * t).sin_cos();
@@ -220,12 +220,19 @@ impl Scan {
                 let turned: Vec<Complex<f64>> = turned.collect();
                 let mean = turned.iter().sum::<Complex<f64>>() / n;
                 let about: f64 = turned.iter().map(|a| (a - mean).norm_sqr()).sum();
-                let square = (mean.norm_sqr() - about / (n * (n - 1.0))).max(0.0);
-                *all += square;
-                *even += if h % 2 == 0 { square } else { 0.0 };
+                // The square of the mean that noise alone would have; it scatters by as much.
+                let noise = about / (n * (n - 1.0));
+                let square = mean.norm_sqr() - noise;
+                sum.all += square.max(0.0);
+                if h % 2 == 0 {
+                    sum.even += square.max(0.0);
+                } else {
+                    sum.odd += square;
+                    sum.odd_variance += noise * noise;
+                }
             }
         }
-        sums.filter(|s| s.1 > 0.0)
+        sums.filter(|s| s.all > 0.0)
     }
 
     /// The bisector's turn about an axis; `None` where it meets it.
@@ -278,9 +285,27 @@ impl Scan {
     }
 }
 
-/// Share of the variation that even harmonics have, over some passes; `None` where none bears two harmonics.
-pub fn even_share(scans: &[Scan]) -> Option<f64> {
-    let sums = scans.iter().filter_map(Scan::even_and_all);
-    let (even, all) = sums.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-    (all > 0.0).then(|| even / all)
+/// Squares of harmonics' amplitudes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Variation {
+    even: f64,
+    all: f64,
+    /// Those of odd harmonics; negative where noise alone would have more.
+    odd: f64,
+    /// Variance of `odd` where there is noise alone.
+    odd_variance: f64,
+}
+
+/// Standard deviations by which odd harmonics have to stand out of the noise.
+const SEEN: f64 = 3.0;
+
+/// Share of the variation that even harmonics have, over some passes, and whether odd ones stand out of the noise; `None` where none bears two harmonics.
+pub fn even_share(scans: &[Scan]) -> Option<(f64, bool)> {
+    let sum = scans.iter().filter_map(Scan::variation).fold(Variation::default(), |a, b| Variation {
+        even: a.even + b.even,
+        all: a.all + b.all,
+        odd: a.odd + b.odd,
+        odd_variance: a.odd_variance + b.odd_variance,
+    });
+    (sum.all > 0.0).then(|| (sum.even / sum.all, sum.odd > SEEN * sum.odd_variance.sqrt()))
 }

@@ -151,14 +151,10 @@ pub fn alcdef(read: &Photometry, sender: &Sender) -> Result<String, EncodeError>
         for k in members {
             done[k] = true;
             let (i, (day, part)) = (rows[k], julian[k]);
-            // No exponents are allowed.
-            let _ = write!(text, "DATA={day}.{part:010}|{:.4}", read.magnitude[i]);
-            match read.sigma_mag.as_ref().map(|s| s[i]).filter(|s| s.is_finite()) {
-                Some(sigma) => {
-                    let _ = writeln!(text, "|{sigma:.4}");
-                }
-                None => text.push('\n'),
-            }
+            // No exponents are allowed. A delimiter stands behind the uncertainty too, as in the database's own files: programs index the fields without counting them.
+            let sigma = read.sigma_mag.as_ref().map(|s| s[i]).filter(|s| s.is_finite());
+            let sigma = sigma.map_or(String::new(), |s| format!("{s:.4}"));
+            let _ = writeln!(text, "DATA={day}.{part:010}|{:.4}|{sigma}|", read.magnitude[i]);
         }
         text.push_str("ENDDATA\n");
     }

@@ -37,6 +37,12 @@ const STEP_RAD: f64 = 0.7;
 const LONGEST_S: f64 = 20.0;
 /// Rounds in which pressure on the surface is computed anew: the attitude is then right to 1e-6, and its torque is small.
 const SURFACE_ROUNDS: usize = 3;
+/// Nodes of the rule by which the momentum of pressure on the surface is summed up once more over halves of a step.
+const FINER: usize = 4;
+/// How far both sums may be apart, as a share of the momentum.
+const SURFACE_ERROR: f64 = 1e-12;
+/// How often a step is halved at a kink: the momentum that one adds shrinks with the square of the length.
+const HALVINGS: u32 = 12;
 /// More rounds mean that a step does not converge.
 const MOST_ROUNDS: usize = 60;
 /// More steps than this (200,000 turns) are not integrated.
@@ -207,6 +213,8 @@ struct Step {
     attitude: DQuat,
     momentum: DVec3,
     slopes: [(DQuat, DVec3); STAGES],
+    /// Momentum that pressure on the surface adds beside the slopes: edges of shadows are kinks, which the stages do not see.
+    kick: DVec3,
 }
 
 /// Nodes, weights and integrals of the collocation.
@@ -217,6 +225,8 @@ struct Rule {
     integrals: [[f64; STAGES]; STAGES],
     /// ℓ_j(1 + c_i): a step's slopes carried into the next.
     onward: [[f64; STAGES]; STAGES],
+    /// Nodes in −1…1 and weights of the rule for halves.
+    finer: Vec<(f64, f64)>,
 }
 
 impl Rule {
@@ -231,6 +241,7 @@ impl Rule {
                 weights,
                 integrals: [[0.0; STAGES]; STAGES],
                 onward: [[0.0; STAGES]; STAGES],
+                finer: gauss::legendre(FINER),
             };
             for (i, node) in nodes.iter().enumerate() {
                 let (integrals, onward) = (rule.integrals_to(*node), rule.cardinal(1.0 + node));
@@ -344,7 +355,7 @@ impl Driven {
             attitude += *q * (w * step.length_s);
             momentum += *l * (w * step.length_s);
         }
-        Some(Motion { body_to_gcrs: attitude.normalize(), momentum })
+        Some(Motion { body_to_gcrs: attitude.normalize(), momentum: momentum + x * step.kick })
     }
 
     /// Angular velocity in the body's axes, rad/s; `None` outside the span.
@@ -470,6 +481,38 @@ impl<'a> Way<'a> {
         Ok(steps)
     }
 
+    /// Momentum from pressure on the surface over a part of a step, N m s: Gauss's rule of [`FINER`] nodes in halves of halves, until they agree with what the whole has.
+    fn surface(
+        &mut self,
+        step: &Step,
+        (a, b): (f64, f64),
+        whole: DVec3,
+        most: f64,
+        halvings: u32,
+    ) -> Result<DVec3, AttitudeError> {
+        let rule = Rule::get();
+        let middle = 0.5 * (a + b);
+        let mut halves = [DVec3::ZERO; 2];
+        for (sum, (a, b)) in halves.iter_mut().zip([(a, middle), (middle, b)]) {
+            for (node, weight) in &rule.finer {
+                let x = 0.5 * (a + b + node * (b - a));
+                let weights = rule.integrals_to(x);
+                let turn = (step.attitude + combined(&weights, &step.slopes).0 * step.length_s)
+                    .normalize();
+                let around = self.surroundings.at(step.from_s + x * step.length_s);
+                let [light, air] = self.body.of_surface(turn, &around, self.evaluator.as_mut())?;
+                *sum += turn * (light + air) * (0.5 * weight * (b - a) * step.length_s);
+            }
+        }
+        let [left, right] = halves;
+        if (left + right - whole).length() <= most || halvings == 0 {
+            return Ok(left + right);
+        }
+        // A kink lies in one of them: the other one needs no less.
+        Ok(self.surface(step, (a, middle), left, most, halvings - 1)?
+            + self.surface(step, (middle, b), right, most, halvings - 1)?)
+    }
+
     /// Adds up the sizes of torques, where they count.
     fn measure(&mut self, step: &Step, around: &Around) -> Result<(), AttitudeError> {
         let end_s = step.from_s + step.length_s;
@@ -505,6 +548,7 @@ impl<'a> Way<'a> {
             attitude: motion.body_to_gcrs,
             momentum: motion.momentum,
             slopes: [(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), DVec3::ZERO); STAGES],
+            kick: DVec3::ZERO,
         };
         match before {
             // As the last step went on.
@@ -550,6 +594,12 @@ impl<'a> Way<'a> {
             let settled = round >= SURFACE_ROUNDS || self.evaluator.is_none();
             // Rounding is reached where it no longer shrinks.
             if settled && (change < 3e-16 || change < 1e-13 && change >= last) {
+                if self.evaluator.is_some() {
+                    let sum: DVec3 = surface.iter().zip(rule.weights).map(|(s, w)| *s * w).sum();
+                    let whole = sum * length_s;
+                    let most = SURFACE_ERROR * size.max(whole.length());
+                    step.kick = self.surface(&step, (0.0, 1.0), whole, most, HALVINGS)? - whole;
+                }
                 return Ok(step);
             }
             if !change.is_finite() {
@@ -570,7 +620,7 @@ impl Step {
         let (dq, dl) = combined(&Rule::get().weights, &self.slopes);
         // |q| is kept by the method; what is taken away is rounding.
         let body_to_gcrs = (self.attitude + dq * self.length_s).normalize();
-        Motion { body_to_gcrs, momentum: self.momentum + dl * self.length_s }
+        Motion { body_to_gcrs, momentum: self.momentum + dl * self.length_s + self.kick }
     }
 }
 
