@@ -350,7 +350,10 @@ fn sessions_of_the_database_are_read() {
     let zachia = text("alcdef_zachia.txt");
     assert_eq!(recognise(&zachia), Some(Format::Alcdef));
     let read = read_str("zachia.txt", &zachia, Format::Alcdef).unwrap();
-    assert_eq!((read.target.as_str(), read.magnitude.len(), read.is_relative), ("Zachia", 35, false));
+    assert_eq!(
+        (read.target.as_str(), read.magnitude.len(), read.is_relative),
+        ("Zachia", 35, false)
+    );
     assert_eq!((read.magnitude[0], read.magnitude[34]), (13.192, 13.274));
     assert_eq!(read.sigma_mag.as_ref().map(|s| (s[0], s[26])), Some((0.008, 0.042)));
     // 0.113960 d and 0.328090 d after midnight.

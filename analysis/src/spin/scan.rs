@@ -301,11 +301,12 @@ const SEEN: f64 = 3.0;
 
 /// Share of the variation that even harmonics have, over some passes, and whether odd ones stand out of the noise; `None` where none bears two harmonics.
 pub fn even_share(scans: &[Scan]) -> Option<(f64, bool)> {
-    let sum = scans.iter().filter_map(Scan::variation).fold(Variation::default(), |a, b| Variation {
-        even: a.even + b.even,
-        all: a.all + b.all,
-        odd: a.odd + b.odd,
-        odd_variance: a.odd_variance + b.odd_variance,
-    });
+    let sum =
+        scans.iter().filter_map(Scan::variation).fold(Variation::default(), |a, b| Variation {
+            even: a.even + b.even,
+            all: a.all + b.all,
+            odd: a.odd + b.odd,
+            odd_variance: a.odd_variance + b.odd_variance,
+        });
     (sum.all > 0.0).then(|| (sum.even / sum.all, sum.odd > SEEN * sum.odd_variance.sqrt()))
 }
