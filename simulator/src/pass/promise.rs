@@ -204,7 +204,11 @@ impl Promises {
                 match most.max_by(|a, b| bound(a).total_cmp(&bound(b))) {
                     Some(need) => {
                         let cure = cure(need.effect);
-                        format!("{} of up to {}{cure}", need.effect, need.bound_text())
+                        format!(
+                            "{} of up to {} of the same surfaces' light in full sunlight{cure}",
+                            need.effect,
+                            need.bound_text()
+                        )
                     }
                     None => "the edge of the Earth's shadow".into(),
                 }

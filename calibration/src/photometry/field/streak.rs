@@ -538,7 +538,7 @@ fn stands_out(prepared: &Prepared, line: &Line, significance: f64, asked: f64) -
         // Of a line that is masked for the most part nothing is known.
         (2.0 * lit.len() as f64 > line.length()).then(|| median(lit)).flatten()
     };
-    let crest = median(heights(prepared, line).flatten());
+    let crest = even_crest(prepared, line);
     let beside: Vec<[f64; 2]> = (3..=8)
         .flat_map(|k| [-1.0, 1.0].map(|side| side * f64::from(k) * FWHM_PER_SIGMA * sigma))
         .filter_map(|offset| Some([offset, middle(offset)?]))
@@ -564,6 +564,22 @@ fn stands_out(prepared: &Prepared, line: &Line, significance: f64, asked: f64) -
     let even = significance / independent.sqrt();
     let above = crest - sky;
     above >= OF_ASKED * asked * scatter.max(0.8 * noise) && above >= 0.5 * even - 2.0 * noise
+}
+
+/// Middle of the heights along a line without what stands far above it, with what its point spread lights: galaxies, blends and stars that no mask hides would draw the middle up, as a line is chosen for them. `None` where
+/// nothing is known of the line.
+fn even_crest(prepared: &Prepared, line: &Line) -> Option<f64> {
+    let lit: Vec<Option<f64>> = heights(prepared, line).collect();
+    let middle = median(lit.iter().flatten().copied())?;
+    let high = (3.0 * middle).max(middle + 5.0);
+    let reach = (3.0 * prepared.sigma_px).ceil() as usize;
+    let is_far = |at: usize| {
+        let near = at.saturating_sub(reach)..(at + reach + 1).min(lit.len());
+        lit[near].iter().flatten().all(|height| *height <= high)
+    };
+    let even: Vec<f64> = (0..lit.len()).filter(|at| is_far(*at)).filter_map(|at| lit[at]).collect();
+    // Of light in a few bright places the middle is what there is.
+    if 3 * even.len() < lit.len() { Some(middle) } else { median(even) }
 }
 
 /// How much χ² points along a line explain, the best after one another: as many as a blend of stars may hold.
