@@ -11,7 +11,7 @@ use crate::reduce;
 use anyhow::{Context as _, bail};
 use clap::{Args, Parser as _};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::json;
+use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -89,10 +89,13 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     work.write(README, &readme(&text, &work.said))?;
     let shown: Vec<String> = pages.iter().map(|p| p.display().to_string()).collect();
     let files = files(&folder)?;
-    let document = json!({
-        "folder": folder.display().to_string(), "files": files, "pages": shown, "commands": work.said,
-        "seconds": sunglint_report::rounded(seconds),
-    });
+    let document = Made {
+        folder: folder.display().to_string(),
+        files: &files,
+        pages: &shown,
+        commands: &work.said,
+        seconds: sunglint_report::rounded(seconds),
+    };
     if !console.quiet || console.json {
         console.result(
             &format!(
@@ -107,6 +110,16 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
         open(&pages[2])?;
     }
     Ok(())
+}
+
+/// Files of a demonstration, and the commands that made them.
+#[derive(Serialize)]
+struct Made<'a> {
+    folder: String,
+    files: &'a [String],
+    pages: &'a [String],
+    commands: &'a [String],
+    seconds: f64,
 }
 
 /// How the text begins that says a folder is a demonstration's.

@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use clap::Args;
-use serde_json::Value;
+use serde::Serialize;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
@@ -68,7 +68,7 @@ impl Console {
     }
 
     /// Prints a result on stdout: JSON if asked for, else the text.
-    pub fn result(&self, text: &str, json: &Value) -> anyhow::Result<()> {
+    pub fn result(&self, text: &str, json: &impl Serialize) -> anyhow::Result<()> {
         if self.json {
             self.print(&serde_json::to_string_pretty(json)?)
         } else {

@@ -58,7 +58,7 @@ mod with {
     use crate::progress::Watched;
     use crate::station::{StationArgs, VARIABLE};
     use anyhow::Context as _;
-    use serde_json::json;
+    use serde::Serialize;
     use std::path::{Path, PathBuf};
     use std::time::Instant;
     use sunglint_formats::text::counted;
@@ -69,6 +69,21 @@ mod with {
 
     /// Failed tasks that are named at most.
     const NAMED: usize = 5;
+
+    #[derive(Serialize)]
+    struct Checked<'a> {
+        study: &'a str,
+        points: usize,
+        tasks: usize,
+        shards: usize,
+        parameters: &'a [String],
+    }
+
+    #[derive(Serialize)]
+    struct Script {
+        script: String,
+        parts: usize,
+    }
 
     /// Runs a study, or a part of it.
     pub fn run(args: &StudyArgs, threads: Option<u16>, console: Console) -> anyhow::Result<()> {
@@ -89,9 +104,13 @@ mod with {
         }
         let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(&study.name));
         if args.check {
-            let json = json!({
-                "study": study.name, "points": study.points.len(), "tasks": study.tasks(), "shards": study.shards(), "parameters": study.parameters,
-            });
+            let json = Checked {
+                study: &study.name,
+                points: study.points.len(),
+                tasks: study.tasks(),
+                shards: study.shards(),
+                parameters: &study.parameters,
+            };
             return console.result(&plan(&study, &folder), &json);
         }
         let watched = Watched::new(console)?;
@@ -106,8 +125,8 @@ mod with {
                     script.display(),
                     array.parts(&study)
                 );
-                let json =
-                    json!({ "script": script.display().to_string(), "parts": array.parts(&study) });
+                let script = script.display().to_string();
+                let json = Script { script, parts: array.parts(&study) };
                 return console.result(&text, &json);
             }
             let submitted = array.submit(&study, &folder, &watched);
@@ -117,10 +136,7 @@ mod with {
         let ran = run::run(&study, &folder, part, &watched);
         watched.bar.end();
         let ran = ran?;
-        console.result(
-            &told(&ran, &folder, start.elapsed().as_secs_f64()),
-            &serde_json::to_value(&ran.report)?,
-        )
+        console.result(&told(&ran, &folder, start.elapsed().as_secs_f64()), &ran.report)
     }
 
     /// The array of Slurm that makes a study: this program, with paths that every node finds.

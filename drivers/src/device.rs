@@ -31,13 +31,14 @@ pub use mount::{
 pub use sink::TagSink;
 
 use crate::clock::Deadline;
+use serde::Serialize;
 use std::fmt;
 use std::ops::ControlFlow;
 use sunglint_formats::{CountRecord, Frame};
 use sunglint_numerics::measured::Interval;
 
 /// Who a device says it is.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Identity {
     /// The maker.
     pub vendor: String,
@@ -52,7 +53,8 @@ pub struct Identity {
 }
 
 /// A value of a setting.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Value {
     /// A number, in the unit of the setting's name.
     Number(f64),

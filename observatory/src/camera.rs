@@ -1,5 +1,6 @@
 //! A camera's thread: frames from start to start, set as each visit asks.
 
+use super::focus::curve::Curve;
 use super::focus::run::{self as focus, Seen};
 use super::mount::{Aim, Ready, Sights, Waiting};
 use super::movers::{Before, FrameFilter};
@@ -9,7 +10,7 @@ use super::schedule::{CameraWish, Schedule};
 use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
-use serde_json::json;
+use serde::Serialize;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -24,6 +25,33 @@ use sunglint_formats::session::{
 };
 use sunglint_formats::toml::{Finite, Positive};
 use sunglint_numerics::measured::Interval;
+
+/// Settings of a camera as an event tells them: those that are planned.
+#[derive(Serialize)]
+struct Settings<'a> {
+    exposure_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    window_px: Option<[u32; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    binning: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gain: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    filter: Option<&'a str>,
+}
+
+/// Result of a run through focus as an event tells it.
+#[derive(Serialize)]
+struct Focused {
+    stands_at: Option<i64>,
+    curve: Option<Curve>,
+}
+
+/// Where the focuser stands after a run that was ended.
+#[derive(Serialize)]
+struct FocusEnded {
+    ended: &'static str,
+}
 
 /// How much longer than its exposure and the longest readout so far a frame may take.
 const LATE: Duration = Duration::from_secs(5);
@@ -365,8 +393,8 @@ impl CameraWork {
             }
             ready => ready?,
         }
-        let said = |worker: &Worker, fields: serde_json::Value| {
-            let serde_json::Value::Object(mut fields) = fields else { return };
+        let said = |worker: &Worker, fields: serde_json::Result<serde_json::Value>| {
+            let Ok(serde_json::Value::Object(mut fields)) = fields else { return };
             fields.insert("camera".into(), about.clone().into());
             worker.disk.event(worker.clock.utc(), What::Other { kind: "focus".into(), fields });
         };
@@ -378,7 +406,7 @@ impl CameraWork {
         let mut each = |seen: &Seen| {
             let radius = seen.sharpness.map_or("no star".into(), |s| format!("{:.2} px", s.hfr_px));
             worker.status.say(format!("{about}: focuser at {}: {radius}", seen.position));
-            said(worker, serde_json::to_value(seen).unwrap_or_default());
+            said(worker, serde_json::to_value(seen));
             if goes_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         // The mount goes on to follow by them, and the page shows them.
@@ -405,7 +433,8 @@ impl CameraWork {
                     format!(", ± {:.0} steps (1σ), {:.2} px", curve.sigma, curve.least_px)
                 });
                 worker.status.say(format!("{about}: in focus at {at}{best}"));
-                said(worker, json!({"stands_at": run.stands_at, "curve": run.curve}));
+                let focused = Focused { stands_at: run.stands_at, curve: run.curve };
+                said(worker, serde_json::to_value(focused));
             }
             Err(run) => {
                 // Whoever took the camera meanwhile may have set it.
@@ -419,7 +448,7 @@ impl CameraWork {
                 } else {
                     // A person, or the end of the visit: no fault.
                     worker.status.say(format!("{about}: focusing was ended; {back}"));
-                    said(worker, json!({"ended": back}));
+                    said(worker, serde_json::to_value(FocusEnded { ended: back }));
                 }
             }
         }
@@ -736,15 +765,14 @@ impl CameraWork {
     }
 
     fn tell_settings(&self, plan: &CameraPlan, worker: &Worker) {
-        let all = json!({
-            "exposure_s": plan.exposure_s.get(),
-            "window_px": plan.window_px,
-            "binning": plan.binning,
-            "gain": plan.gain.map(Finite::get),
-            "filter": plan.filter,
-        });
-        let serde_json::Value::Object(mut settings) = all else { return };
-        settings.retain(|_, value| !value.is_null());
+        let all = Settings {
+            exposure_s: plan.exposure_s.get(),
+            window_px: plan.window_px,
+            binning: plan.binning,
+            gain: plan.gain.map(Finite::get),
+            filter: plan.filter.as_deref(),
+        };
+        let Ok(serde_json::Value::Object(settings)) = serde_json::to_value(all) else { return };
         let device = worker.name.clone();
         worker.disk.event(worker.clock.utc(), What::Set { device, settings });
     }

@@ -3,7 +3,7 @@
 use super::plan::{CameraPlan, RotatorPlan, WheelPlan};
 use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
-use serde_json::{Map, json};
+use serde_json::Map;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -305,7 +305,7 @@ impl WheelWork {
         };
         self.stands.set(&self.plan.name, Stand::Moving, worker.clock.clock.now());
         let stands = wheel.select(slot, &worker.within(TURN)).map_err(|failed| *failed.error)?;
-        set(&self.plan.name, "filter", json!(wanted), worker);
+        set(&self.plan.name, "filter", wanted.into(), worker);
         Ok(stands)
     }
 }
@@ -370,7 +370,7 @@ impl RotatorWork {
         self.stands.set(&self.plan.name, Stand::Moving, worker.clock.clock.now());
         let moved = stage.move_to(wanted_deg, &worker.within(TURN));
         let at_deg = moved.map_err(|failed| *failed.error)?;
-        set(&self.plan.name, "angle_deg", json!(at_deg), worker);
+        set(&self.plan.name, "angle_deg", at_deg.into(), worker);
         Ok(at_deg)
     }
 }

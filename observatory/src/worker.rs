@@ -5,11 +5,11 @@ use super::opener::Opener;
 use super::schedule::SharedSchedule;
 use super::status::{State, Status};
 use hifitime::Epoch;
-use serde_json::{Map, Value as Json, json};
+use serde_json::{Value as Json, to_value};
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{Device, DeviceError, Value};
+use sunglint_drivers::device::{Device, DeviceError};
 use sunglint_formats::session::What;
 
 /// How long opening a device may take, and an answer.
@@ -86,16 +86,12 @@ impl Worker {
     pub fn opened(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
         let identity = device.identity(&self.within(SOON))?;
         let settings = device.settings(&self.within(SOON))?;
-        let identity = json!({
-            "vendor": identity.vendor,
-            "model": identity.model,
-            "serial": identity.serial,
-            "firmware": identity.firmware,
-            "driver": identity.driver,
-        });
-        let settings: Map<String, Json> =
-            settings.into_iter().map(|s| (s.name.to_owned(), json_of(s.value))).collect();
-        let Json::Object(identity) = identity else { return Ok(()) };
+        // Texts and numbers always have JSON.
+        let Ok(Json::Object(identity)) = to_value(identity) else { return Ok(()) };
+        let settings = settings
+            .into_iter()
+            .map(|s| (s.name.to_owned(), to_value(s.value).unwrap_or_default()))
+            .collect();
         let utc = self.clock.utc();
         let device = self.name.clone();
         self.disk.event(utc, What::Device { device, identity, settings });
@@ -151,14 +147,5 @@ impl Worker {
             self.reached(self.clock.utc());
         }
         self.status.set_state(&self.name, State::Ended);
-    }
-}
-
-fn json_of(value: Value) -> Json {
-    match value {
-        Value::Number(number) => json!(number),
-        Value::Integer(number) => json!(number),
-        Value::Text(text) => json!(text),
-        Value::Flag(flag) => json!(flag),
     }
 }

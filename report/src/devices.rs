@@ -21,12 +21,9 @@ use sunglint_drivers::session::{Check, CheckStep, Finding, Moves, Position, Sett
 use sunglint_formats::{Column, Table};
 
 #[derive(Serialize)]
-struct Described<'a> {
-    vendor: &'a str,
-    model: &'a str,
-    serial: Option<&'a str>,
-    firmware: Option<&'a str>,
-    driver: &'a str,
+struct Described {
+    #[serde(flatten)]
+    identity: Identity,
     settings: Map<String, Value>,
 }
 
@@ -40,15 +37,8 @@ pub fn described(
 ) -> Result<Value, DeviceError> {
     let identity = device.identity(&within())?;
     let settings = device.settings(&within())?;
-    let settings = settings.iter().map(|s| (s.name.to_owned(), setting_json(&s.value)));
-    Ok(json_of(&Described {
-        vendor: &identity.vendor,
-        model: &identity.model,
-        serial: identity.serial.as_deref(),
-        firmware: identity.firmware.as_deref(),
-        driver: identity.driver,
-        settings: settings.collect(),
-    }))
+    let settings = settings.iter().map(|s| (s.name.to_owned(), json_of(&s.value))).collect();
+    Ok(json_of(&Described { identity, settings }))
 }
 
 /// Returns the device in a line.
@@ -100,16 +90,6 @@ fn about<'a>(address: &Address, device: Option<&'a Identity>) -> AboutJson<'a> {
     }
 }
 
-/// Returns a setting's value for a document.
-fn setting_json(value: &SettingValue) -> Value {
-    match value {
-        SettingValue::Number(number) => (*number).into(),
-        SettingValue::Integer(number) => (*number).into(),
-        SettingValue::Flag(flag) => (*flag).into(),
-        other => other.to_string().into(),
-    }
-}
-
 fn product(name: &str, columns: Vec<Column>, json: &impl Serialize) -> Product {
     let table = Table { columns, ..Table::default() };
     Product { name: name.into(), table, json: json_of(json), ..Product::default() }
@@ -147,7 +127,7 @@ pub fn check_text(check: &Check, error: Option<&str>) -> String {
 #[derive(Serialize)]
 struct SettingJson<'a> {
     name: &'a str,
-    value: Value,
+    value: &'a SettingValue,
     origin: &'a str,
 }
 
@@ -182,7 +162,7 @@ pub fn check(check: &Check, error: Option<&str>) -> Product {
             Origin::ReadBack => "read_back",
             Origin::Configured => "configured",
         };
-        SettingJson { name: setting.name, value: setting_json(&setting.value), origin }
+        SettingJson { name: setting.name, value: &setting.value, origin }
     });
     let steps = check.steps.iter().map(|step| StepJson {
         step: step.name,
@@ -215,7 +195,7 @@ pub fn settings_text(settings: &SettingsDone, asked: bool) -> String {
 struct SetJson<'a> {
     name: &'a str,
     asked: &'a str,
-    value: Value,
+    value: &'a SettingValue,
 }
 
 #[derive(Serialize)]
@@ -237,11 +217,8 @@ struct SettingsJson<'a> {
 /// Returns changed settings as a table and as JSON; `error` says why they are not all.
 pub fn settings(settings: &SettingsDone, error: Option<&str>) -> Product {
     let done = &settings.done;
-    let set = done.iter().map(|set| SetJson {
-        name: &set.name,
-        asked: &set.asked,
-        value: setting_json(&set.value),
-    });
+    let set =
+        done.iter().map(|set| SetJson { name: &set.name, asked: &set.asked, value: &set.value });
     let json = SettingsJson {
         about: about(&settings.address, Some(&settings.identity)),
         settings: set.collect(),

@@ -1,7 +1,8 @@
 //! Effects that a scene needs, as people read them.
 
-use crate::rounded;
-use serde_json::{Value, json};
+use crate::{json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_simulator::attitude::torques::{Sizes, TORQUES};
@@ -123,8 +124,8 @@ fn wrapped(text: &str) -> Vec<String> {
 pub fn table(pass: &Pass, explanation: &Explanation) -> Table {
     let needs = &explanation.needs;
     let mut table = Table::default();
-    table.meta.insert("title".into(), json!(format!("{}: what it needs", pass.name)));
-    table.meta.insert("tolerance".into(), json!(pass.tolerance));
+    table.meta.insert("title".into(), format!("{}: what it needs", pass.name).into());
+    table.meta.insert("tolerance".into(), pass.tolerance.into());
     let text = |f: &dyn Fn(&Need) -> String| needs.iter().map(f).collect::<Vec<_>>();
     let number = |f: &dyn Fn(&Need) -> Option<f64>| {
         needs.iter().map(|n| f(n).unwrap_or(f64::NAN)).collect::<Vec<_>>()
@@ -144,48 +145,161 @@ pub fn earth(earth: &EarthAlbedo) -> String {
     format!("{}, ± {:.0} %", earth.describe(), 100.0 * earth.uncertainty())
 }
 
-/// The same with documented keys.
-pub fn earth_json(earth: &EarthAlbedo) -> Value {
-    let grid = earth.grid();
-    json!({ "description": earth.describe(), "uncertainty": earth.uncertainty(), "largest_albedo": rounded(earth.most()),
-        "rows": grid.map(|g| g.size().0), "columns": grid.map(|g| g.size().1), "missing_cells": grid.map(AlbedoGrid::missing),
-        "wavelength_nm": grid.map(AlbedoGrid::wavelengths_nm) })
+/// The Earth's reflection with documented keys.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EarthJson<'a> {
+    description: String,
+    uncertainty: f64,
+    largest_albedo: f64,
+    rows: Option<usize>,
+    columns: Option<usize>,
+    missing_cells: Option<usize>,
+    wavelength_nm: Option<&'a [f64]>,
+}
+
+impl<'a> EarthJson<'a> {
+    /// Takes the Earth as a pass sees it.
+    pub fn new(earth: &'a EarthAlbedo) -> Self {
+        let grid = earth.grid();
+        Self {
+            description: earth.describe(),
+            uncertainty: earth.uncertainty(),
+            largest_albedo: rounded(earth.most()),
+            rows: grid.map(|g| g.size().0),
+            columns: grid.map(|g| g.size().1),
+            missing_cells: grid.map(AlbedoGrid::missing),
+            wavelength_nm: grid.map(AlbedoGrid::wavelengths_nm),
+        }
+    }
+}
+
+/// A need with documented keys.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NeedJson<'a> {
+    effect: &'a str,
+    needed: bool,
+    modelled: bool,
+    bound: Option<f64>,
+    why: &'a str,
+    cost_s: Option<f64>,
 }
 
 /// Needs with documented keys.
-pub fn json(needs: &[Need]) -> Value {
-    let one = |need: &Need| {
-        json!({ "effect": need.effect, "needed": need.needed, "modelled": need.is_modelled(),
-            "bound": need.bound.filter(|b| b.is_finite()).map(rounded), "why": need.why,
-            "cost_s": need.cost_s.map(rounded) })
-    };
-    Value::Array(needs.iter().map(one).collect())
+pub fn json(needs: &[Need]) -> Vec<NeedJson<'_>> {
+    let all = needs.iter().map(|need| NeedJson {
+        effect: need.effect,
+        needed: need.needed,
+        modelled: need.is_modelled(),
+        bound: need.bound.filter(|b| b.is_finite()).map(rounded),
+        why: &need.why,
+        cost_s: need.cost_s.map(rounded),
+    });
+    all.collect()
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    pass: &'a str,
+    target: TargetJson<'a>,
+    tolerance: f64,
+    earth: EarthJson<'a>,
+    needs: Vec<NeedJson<'a>>,
+    left_out: f64,
+    terms: usize,
+    aged: Vec<AgedJson<'a>>,
+    torques: Option<Vec<TorqueJson>>,
+    scene: SceneJson,
+    course: CourseJson,
+    warnings: Vec<&'a String>,
+}
+
+#[derive(Serialize)]
+struct TargetJson<'a> {
+    name: &'a str,
+}
+
+#[derive(Serialize)]
+struct AgedJson<'a> {
+    material: &'a str,
+    ageing: &'a str,
+}
+
+#[derive(Serialize)]
+struct TorqueJson {
+    torque: &'static str,
+    modelled: bool,
+    largest_n_m: f64,
+    mean_n_m: f64,
+}
+
+#[derive(Serialize)]
+struct SceneJson {
+    triangles: usize,
+    facets: usize,
+    spheres: usize,
+    closed: bool,
+    convex: bool,
+    hides_nothing: bool,
+    solids: usize,
+    occluder_pairs: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct CourseJson {
+    epochs: usize,
+    geometries: usize,
+    least_range_m: f64,
+    least_radius_m: f64,
+    largest_radius_m: f64,
+    sun_radius_deg: f64,
+    largest_phase_deg: f64,
+    earthshine: f64,
+    penumbra: usize,
+    umbra: usize,
 }
 
 /// The explanation with documented keys.
 pub fn document(pass: &Pass, explanation: &Explanation) -> Value {
     let Explanation { needs, left_out, course, scene, terms, torques } = explanation;
-    let torque = |(name, size): (&&str, &Sizes)| {
-        json!({ "torque": name, "modelled": size.modelled,
-            "largest_n_m": rounded(size.largest_n_m), "mean_n_m": rounded(size.mean_n_m) })
+    let torque = |(name, size): (&&'static str, &Sizes)| TorqueJson {
+        torque: name,
+        modelled: size.modelled,
+        largest_n_m: rounded(size.largest_n_m),
+        mean_n_m: rounded(size.mean_n_m),
     };
-    let finite = |x: f64| x.is_finite().then(|| rounded(x));
-    json!({
-        "pass": pass.name,
-        "target": { "name": pass.target.name },
-        "tolerance": pass.tolerance,
-        "earth": earth_json(&pass.earth),
-        "needs": json(needs),
-        "left_out": finite(*left_out),
-        "terms": terms,
-        "aged": aged(pass).iter().map(|(material, how)| json!({ "material": material, "ageing": how })).collect::<Vec<_>>(),
-        "torques": torques.as_ref().map(|sizes| TORQUES.iter().zip(sizes).map(torque).collect::<Vec<_>>()),
-        "scene": { "triangles": scene.triangles, "facets": scene.facets, "spheres": scene.spheres, "closed": scene.closed,
-            "convex": scene.convex, "hides_nothing": scene.no_occlusion, "solids": scene.solids, "occluder_pairs": scene.occluder_pairs },
-        "course": { "epochs": course.epochs, "geometries": course.geometries, "least_range_m": finite(course.range_m),
-            "least_radius_m": finite(course.radius_m.0), "largest_radius_m": finite(course.radius_m.1),
-            "sun_radius_deg": rounded(course.sun_radius_rad.to_degrees()), "largest_phase_deg": rounded(course.phase_rad.to_degrees()), "earthshine": rounded(course.earthshine),
-            "penumbra": course.penumbra, "umbra": course.umbra },
-        "warnings": pass.warnings.iter().chain(&scene.warnings).collect::<Vec<_>>(),
+    let aged = aged(pass).into_iter().map(|(material, ageing)| AgedJson { material, ageing });
+    json_of(&Document {
+        pass: &pass.name,
+        target: TargetJson { name: &pass.target.name },
+        tolerance: pass.tolerance,
+        earth: EarthJson::new(&pass.earth),
+        needs: json(needs),
+        left_out: rounded(*left_out),
+        terms: *terms,
+        aged: aged.collect(),
+        torques: torques.as_ref().map(|sizes| TORQUES.iter().zip(sizes).map(torque).collect()),
+        scene: SceneJson {
+            triangles: scene.triangles,
+            facets: scene.facets,
+            spheres: scene.spheres,
+            closed: scene.closed,
+            convex: scene.convex,
+            hides_nothing: scene.no_occlusion,
+            solids: scene.solids,
+            occluder_pairs: scene.occluder_pairs,
+        },
+        course: CourseJson {
+            epochs: course.epochs,
+            geometries: course.geometries,
+            least_range_m: rounded(course.range_m),
+            least_radius_m: rounded(course.radius_m.0),
+            largest_radius_m: rounded(course.radius_m.1),
+            sun_radius_deg: rounded(course.sun_radius_rad.to_degrees()),
+            largest_phase_deg: rounded(course.phase_rad.to_degrees()),
+            earthshine: rounded(course.earthshine),
+            penumbra: course.penumbra,
+            umbra: course.umbra,
+        },
+        warnings: pass.warnings.iter().chain(&scene.warnings).collect(),
     })
 }

@@ -40,7 +40,7 @@ struct Document<'a> {
     budget_s: f64,
     #[serde(flatten)]
     light: &'a Intensity,
-    needs: serde_json::Value,
+    needs: Vec<explain::NeedJson<'a>>,
 }
 
 impl IntensityReport<'_> {
@@ -49,13 +49,13 @@ impl IntensityReport<'_> {
     /// # Errors
     /// None in practice: a document of numbers and texts.
     pub fn product(&self) -> Result<Product, serde_json::Error> {
-        let options = self.all.options();
+        let (options, needs) = (self.all.options(), self.all.needs());
         let document = Document {
             target: self.target,
             tolerance: options.tolerance,
             budget_s: options.budget_s,
             light: self.light,
-            needs: explain::json(&self.all.needs()),
+            needs: explain::json(&needs),
         };
         let light = &self.light.light;
         let column = |name: &str, unit, f: &dyn Fn(usize) -> f64| {

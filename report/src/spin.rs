@@ -1,9 +1,10 @@
 //! The spin of a body over passes: text, JSON, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series as Line};
-use crate::{Product, inputs, rounded};
+use crate::{Product, json_of, rounded};
 use hifitime::{Duration, Epoch};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_analysis::curves::Curves;
 use sunglint_analysis::map::longitude_latitude;
@@ -11,6 +12,7 @@ use sunglint_analysis::period::verdict::Outcome;
 use sunglint_analysis::spin::{Body, Interval, Spin, SpinFound};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
+use sunglint_radiometry::light_curve::Input;
 
 const DAY_S: f64 = 86_400.0;
 
@@ -29,6 +31,81 @@ pub struct SpinReport<'a> {
     pub curves: &'a Curves,
     /// Warnings that the user should read first.
     pub warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct IntervalJson {
+    value: f64,
+    from: f64,
+    to: f64,
+}
+
+impl IntervalJson {
+    fn new(i: Interval) -> Self {
+        Self { value: rounded(i.value), from: rounded(i.from), to: rounded(i.to) }
+    }
+}
+
+#[derive(Serialize)]
+struct AxisJson {
+    ra_deg: f64,
+    dec_deg: f64,
+    within_deg: f64,
+}
+
+#[derive(Serialize)]
+struct SpinJson {
+    repeats: u32,
+    share: f64,
+    period_s: IntervalJson,
+    drift_per_day: IntervalJson,
+    axis: AxisJson,
+    sense_share: f64,
+    sense_known: bool,
+    slip_turns: f64,
+}
+
+impl SpinJson {
+    fn new(s: &Spin) -> Self {
+        let (ra, dec) = axis_deg(s);
+        Self {
+            repeats: s.repeats,
+            share: rounded(s.share),
+            period_s: IntervalJson::new(s.period_s),
+            drift_per_day: IntervalJson::new(s.drift_per_day),
+            axis: AxisJson {
+                ra_deg: rounded(ra),
+                dec_deg: rounded(dec),
+                within_deg: rounded(s.axis_within_deg),
+            },
+            sense_share: rounded(s.sense),
+            sense_known: s.knows_sense(),
+            slip_turns: rounded(s.slip_turns),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct PassJson<'a> {
+    name: &'a str,
+    middle_utc: String,
+    own_s: Option<f64>,
+    apparent_s: Option<f64>,
+    model_s: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    verdict: &'static str,
+    spins: Vec<SpinJson>,
+    body: &'static str,
+    even_share: Option<f64>,
+    reason: Option<String>,
+    epoch_utc: Option<String>,
+    passes: Vec<PassJson<'a>>,
+    removed: &'a [String],
+    warnings: &'a [String],
+    inputs: &'a [Input],
 }
 
 /// Right ascension (0 to 360°) and declination of an axis.
@@ -205,34 +282,31 @@ impl SpinReport<'_> {
     /// The summary with its documented keys.
     pub fn json(&self) -> Value {
         let found = self.found;
-        let interval = |i: Interval| json!({ "value": rounded(i.value), "from": rounded(i.from), "to": rounded(i.to) });
-        let spin = |s: &Spin| {
-            let (ra, dec) = axis_deg(s);
-            json!({
-                "repeats": s.repeats, "share": rounded(s.share), "period_s": interval(s.period_s), "drift_per_day": interval(s.drift_per_day),
-                "axis": { "ra_deg": rounded(ra), "dec_deg": rounded(dec), "within_deg": rounded(s.axis_within_deg) },
-                "sense_share": rounded(s.sense), "sense_known": s.knows_sense(), "slip_turns": rounded(s.slip_turns),
-            })
-        };
-        let verdict = match (found.only(), found.refused) {
-            (Some(_), _) => "one",
-            (None, Some(_)) => "none",
-            (None, None) => "several",
-        };
-        json!({
-            "verdict": verdict,
-            "spins": found.spins.iter().map(spin).collect::<Vec<_>>(),
-            "body": match self.body { Body::Any => "any", Body::Long => "long" },
-            "even_share": found.even_share.map(rounded),
-            "reason": found.refused.map(|r| r.to_string()),
-            "epoch_utc": (!found.spins.is_empty()).then(|| format_utc(self.time(found.epoch_s), 3)),
-            "passes": found.passes.iter().map(|p| json!({
-                "name": p.name, "middle_utc": format_utc(self.time(p.middle_s), 3), "own_s": p.verdict.best.as_ref().map(|b| rounded(b.period_s)),
-                "apparent_s": p.apparent_s.map(rounded), "model_s": p.model_s.map(rounded),
-            })).collect::<Vec<_>>(),
-            "removed": self.curves.removed,
-            "warnings": self.warnings,
-            "inputs": inputs::json(&self.curves.inputs),
+        let passes = found.passes.iter().map(|p| PassJson {
+            name: &p.name,
+            middle_utc: format_utc(self.time(p.middle_s), 3),
+            own_s: p.verdict.best.as_ref().map(|b| rounded(b.period_s)),
+            apparent_s: p.apparent_s.map(rounded),
+            model_s: p.model_s.map(rounded),
+        });
+        json_of(&Document {
+            verdict: match (found.only(), found.refused) {
+                (Some(_), _) => "one",
+                (None, Some(_)) => "none",
+                (None, None) => "several",
+            },
+            spins: found.spins.iter().map(SpinJson::new).collect(),
+            body: match self.body {
+                Body::Any => "any",
+                Body::Long => "long",
+            },
+            even_share: found.even_share.map(rounded),
+            reason: found.refused.map(|r| r.to_string()),
+            epoch_utc: (!found.spins.is_empty()).then(|| format_utc(self.time(found.epoch_s), 3)),
+            passes: passes.collect(),
+            removed: &self.curves.removed,
+            warnings: self.warnings,
+            inputs: &self.curves.inputs,
         })
     }
 

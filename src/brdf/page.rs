@@ -2,7 +2,7 @@
 
 use crate::output::{Console, OutputArgs, Usage};
 use clap::Args;
-use serde_json::json;
+use serde::Serialize;
 use std::path::PathBuf;
 use sunglint_materials::look::{self, Look};
 use sunglint_report::brdf::page::{Bodies, page};
@@ -28,6 +28,12 @@ pub struct PageArgs {
     pub force: bool,
 }
 
+#[derive(Serialize)]
+struct Shown<'a> {
+    name: &'a str,
+    wavelength_nm: f64,
+}
+
 pub(super) fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
     if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("html")) {
         let text = format!("-o {}: expected a file .html", args.output.display());
@@ -49,5 +55,5 @@ pub(super) fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
         return Ok(());
     }
     let text = format!("{}\n", material.describe());
-    console.result(&text, &json!({ "name": material.name, "wavelength_nm": nm }))
+    console.result(&text, &Shown { name: &material.name, wavelength_nm: nm })
 }

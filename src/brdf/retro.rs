@@ -9,7 +9,8 @@ use super::rig::{self, HOME, OPEN};
 use crate::output::{Console, OutputArgs};
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -144,9 +145,9 @@ fn take(
             )
         });
     }
-    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    rig::end(&mut log)?;
     let at_end = opened.describe(&log.clock)?;
-    let devices = json!({ "begin": devices, "end": at_end });
+    let devices = serde_json::to_value(Ends { begin: devices, end: at_end })?;
     log.write_event("devices", devices.clone())?;
     Ok((std::mem::take(&mut log.lines), devices))
 }
@@ -204,10 +205,23 @@ fn open(
 
 impl Opened {
     /// Who the devices say they are, with all their settings.
-    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Value> {
+    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Devices> {
         let stage = rig::describe(self.stage.as_mut(), clock)?;
-        Ok(json!({ "stage": stage, "meter": rig::describe(self.meter.as_mut(), clock)? }))
+        Ok(Devices { stage, meter: rig::describe(self.meter.as_mut(), clock)? })
     }
+}
+
+#[derive(Serialize)]
+struct Devices {
+    stage: Value,
+    meter: Value,
+}
+
+/// Devices at the run's begin and at its end.
+#[derive(Serialize)]
+struct Ends {
+    begin: Devices,
+    end: Devices,
 }
 
 /// The virtual rig's hands.

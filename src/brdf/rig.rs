@@ -5,7 +5,8 @@ use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::{Context as _, bail};
 use hifitime::Epoch;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::io::IsTerminal as _;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 use std::sync::Arc;
@@ -82,7 +83,7 @@ pub(crate) fn log<L: LogLine>(
     begun: Option<&Begun<L>>,
     files: &[(&'static str, Option<&str>)],
     clock: DeviceClock,
-    devices: &Value,
+    devices: &impl Serialize,
 ) -> anyhow::Result<Log<L>> {
     let (mut log, what, lines) = match begun {
         None => {
@@ -92,9 +93,24 @@ pub(crate) fn log<L: LogLine>(
         }
         Some(begun) => (Log::resume(folder, begun, clock)?, "resume", begun.lines.len()),
     };
-    log.write_event(what, json!({ "lines": lines }))?;
-    log.write_event("devices", devices.clone())?;
+    write_lines(&mut log, what, lines)?;
+    log.write_event("devices", serde_json::to_value(devices)?)?;
     Ok(log)
+}
+
+/// An event of a run's log that tells how many lines there are.
+#[derive(Serialize)]
+struct Lines {
+    lines: usize,
+}
+
+fn write_lines<L: LogLine>(log: &mut Log<L>, what: &str, lines: usize) -> anyhow::Result<()> {
+    Ok(log.write_event(what, serde_json::to_value(Lines { lines })?)?)
+}
+
+/// Writes that the run is at its end.
+pub(crate) fn end<L: LogLine>(log: &mut Log<L>) -> anyhow::Result<()> {
+    write_lines(log, "end", log.lines.len())
 }
 
 /// Shows how a run goes, on a bar.

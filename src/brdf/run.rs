@@ -8,12 +8,13 @@ use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
+use sunglint_drivers::device::{InBeam, PowerMeter, RotationStage};
 use sunglint_formats::ecsv;
 use sunglint_formats::toml::Document;
 use sunglint_materials::goniometer::bench::{AXES, Bench, VIRTUAL_BENCH};
@@ -198,22 +199,27 @@ fn open(
 
 impl Opened {
     /// Who the devices say they are, with all their settings, and how far the stages turn.
-    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Value> {
-        let mut made = json!({});
+    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Devices> {
+        let mut axes = Map::new();
         for (name, stage) in AXES.iter().zip(&mut self.stages) {
             if let Some(stage) = stage {
-                let device: &mut dyn Device = stage.as_mut();
-                made[*name] = rig::describe(device, clock)?;
+                axes.insert((*name).into(), rig::describe(stage.as_mut(), clock)?);
             }
         }
-        made["meter"] = rig::describe(self.meter.as_mut(), clock)?;
-        let travel = self
+        let travel_deg = self
             .stages
             .each_ref()
             .map(|s| s.as_ref().and_then(|s| s.travel_deg().map(|t| t.to_array())));
-        made["travel_deg"] = json!(travel);
-        Ok(made)
+        Ok(Devices { axes, meter: rig::describe(self.meter.as_mut(), clock)?, travel_deg })
     }
+}
+
+#[derive(Serialize)]
+struct Devices {
+    #[serde(flatten)]
+    axes: Map<String, Value>,
+    meter: Value,
+    travel_deg: [Option<[f64; 2]>; 4],
 }
 
 /// Measures what is missing.
@@ -237,7 +243,7 @@ fn take(
     let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
     let mut opened = open(bench, virtual_bench.as_ref(), &clock, &cancel)?;
-    let devices = opened.describe(&clock)?;
+    let devices = serde_json::to_value(opened.describe(&clock)?)?;
     let mut kinematics = Kinematics::new(bench);
     kinematics.travel_deg = travel_of(&devices);
     let list = tasks(bench, &kinematics, all);
@@ -309,7 +315,7 @@ fn take(
             )
         });
     }
-    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    rig::end(&mut log)?;
     Ok(RunSummary {
         run: folder.display().to_string(),
         directions,

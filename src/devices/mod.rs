@@ -19,6 +19,7 @@ pub use template::TemplateArgs;
 
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
+use serde::Serialize;
 use sunglint_drivers::catalogue::udev;
 use sunglint_drivers::session::Peer;
 use sunglint_report::Product;
@@ -104,6 +105,13 @@ impl Talk {
     }
 }
 
+#[derive(Serialize)]
+struct Rules {
+    file: &'static str,
+    folder: &'static str,
+    rules: String,
+}
+
 /// Does what is asked.
 ///
 /// # Errors
@@ -118,7 +126,7 @@ pub fn run(command: &DevicesCommand, console: Console) -> anyhow::Result<()> {
         DevicesCommand::Template(args) => template::run(args, console),
         DevicesCommand::Udev => console.result(
             &udev::rules(),
-            &serde_json::json!({ "file": udev::FILE, "folder": udev::FOLDER, "rules": udev::rules() }),
+            &Rules { file: udev::FILE, folder: udev::FOLDER, rules: udev::rules() },
         ),
     }
 }

@@ -3,7 +3,7 @@
 use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, Usage};
 use clap::Args;
-use serde_json::json;
+use serde::Serialize;
 use std::path::PathBuf;
 use sunglint_drivers::catalogue::Address;
 use sunglint_drivers::clock::Cancel;
@@ -23,6 +23,19 @@ pub struct ServeArgs {
     /// Serve on a TCP port of this computer, or of another of its addresses; port 0 takes a free one
     #[arg(long, value_name = "[ADDRESS:]PORT")]
     pub tcp: Option<String>,
+}
+
+#[derive(Serialize)]
+struct AtPort<'a> {
+    device: &'a str,
+    tcp: String,
+}
+
+#[derive(Serialize)]
+struct OnPty<'a> {
+    device: &'a str,
+    pty: &'a str,
+    path: &'a str,
 }
 
 /// Serves until Ctrl-C, which is its good end.
@@ -48,7 +61,7 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
             ));
         }
         let text = format!("{name} at tcp:{at}; Ctrl-C ends");
-        console.result(&text, &json!({ "device": name, "tcp": at.to_string() }))?;
+        console.result(&text, &AtPort { device: &name, tcp: at.to_string() })?;
         return Ok(served.at_port(&port, &cancel, |visit| match visit {
             Visit::Came(host) => console.say(&format!("{host} is there")),
             Visit::Left(host) => console.say(&format!("{host} has gone")),
@@ -62,6 +75,6 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
     let mut pty = Pty::open(link.as_deref())?;
     let shown = link.map_or_else(|| pty.port().to_owned(), |link| link.display().to_string());
     let text = format!("{name} at {shown}; Ctrl-C ends");
-    console.result(&text, &json!({ "device": name, "pty": pty.port(), "path": shown }))?;
+    console.result(&text, &OnPty { device: &name, pty: pty.port(), path: &shown })?;
     Ok(served.on_pty(&mut pty, &cancel)?)
 }

@@ -132,7 +132,7 @@ fn host(address: &Address, words: &[String]) -> String {
     if let Some(place) = words.get_mut(1) {
         *place = address.to_string();
     }
-    format!("{HOST}{}", serde_json::json!(words))
+    format!("{HOST}{}", serde_json::Value::from(words))
 }
 
 /// A line on a terminal that says what is waited for, gone at its end.

@@ -6,7 +6,8 @@ use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +18,7 @@ use sunglint_detectors::linearity::{
 };
 use sunglint_detectors::reading::Pace;
 use sunglint_drivers::clock::Cancel;
-use sunglint_drivers::device::{FilterWheel, PhotonCounter, Source};
+use sunglint_drivers::device::{Device, FilterWheel, PhotonCounter, Source};
 use sunglint_formats::text::counted;
 use sunglint_formats::toml::Document;
 use sunglint_numerics::progress::Progress as _;
@@ -116,6 +117,15 @@ fn open(
     })
 }
 
+/// Who the devices say they are, with all their settings.
+#[derive(Serialize)]
+struct Devices {
+    counter: Value,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wheel: Option<Value>,
+    sources: Vec<Value>,
+}
+
 /// Measures what is missing.
 fn take(
     plan: &LinearityPlan,
@@ -134,15 +144,12 @@ fn take(
     let pace = Pace { clock: clock.clone(), cancel };
     // A device that is not there leaves no run behind.
     let mut opened = open(plan, virtual_rig.as_ref(), &pace)?;
-    let mut devices = json!({ "counter": describe(opened.counter.as_mut(), &pace.clock)? });
-    if let Some(wheel) = &mut opened.wheel {
-        devices["wheel"] = describe(wheel.as_mut(), &pace.clock)?;
-    }
-    let mut sources = vec![];
-    for source in &mut opened.sources {
-        sources.push(describe(source.as_mut(), &pace.clock)?);
-    }
-    devices["sources"] = json!(sources);
+    let says = |device: &mut dyn Device| describe(device, &pace.clock);
+    let devices = Devices {
+        counter: says(opened.counter.as_mut())?,
+        wheel: opened.wheel.as_mut().map(|wheel| says(wheel.as_mut())).transpose()?,
+        sources: opened.sources.iter_mut().map(|s| says(s.as_mut())).collect::<Result<_, _>>()?,
+    };
     let rig_text = plan.rig.as_ref().map(Document::source);
     let files = [(PLAN, Some(plan.source.as_str())), (VIRTUAL_RIG, rig_text)];
     let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock, &devices)?;
@@ -174,6 +181,6 @@ fn take(
             )
         });
     }
-    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    rig::end(&mut log)?;
     Ok(std::mem::take(&mut log.lines))
 }

@@ -6,14 +6,15 @@ use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_calibration::efficiency::reduce_run;
 use sunglint_detectors::efficiency::{
-    Begun, Drift, FILES, Line, Log, Made, PLAN, Part, RUN, Rig, RunPlan, Step, VIRTUAL_RIG, done,
-    measure, visits, write,
+    Begun, FILES, Line, Log, Made, PLAN, Part, RUN, Rig, RunPlan, Step, VIRTUAL_RIG, done, measure,
+    visits, write,
 };
 use sunglint_detectors::reading::{Pace, Photodiode};
 use sunglint_drivers::clock::Cancel;
@@ -79,18 +80,24 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     }
     let found = reduce_run(&folder.join(RUN))?;
     let mut product = report::product(&found);
-    product.json["run"] = json!({
-        "folder": folder.display().to_string(),
-        "steps": made.steps,
-        "steps_left": left,
-        "readings": lines.iter().filter(|line| line.state.is_reading()).count(),
-        "took_s": took_s,
-        "photodiode_noise": made.noise,
-        "light_unrest": made.unrest,
-        "lamp_range": made.lamp_range,
-        "drift": made.drift.as_ref().map(drift_json),
-        "warnings": made.warnings,
-    });
+    product.json["run"] = serde_json::to_value(RunJson {
+        folder: folder.display().to_string(),
+        steps: made.steps,
+        steps_left: left,
+        readings: lines.iter().filter(|line| line.state.is_reading()).count(),
+        took_s,
+        photodiode_noise: made.noise,
+        light_unrest: made.unrest,
+        lamp_range: made.lamp_range,
+        drift: made.drift.as_ref().map(|drift| DriftJson {
+            readings: drift.readings(),
+            range: drift.range(),
+            corrected: drift.is_corrected(),
+            hidden: drift.hidden(),
+            steps: drift.steps(),
+        }),
+        warnings: &made.warnings,
+    })?;
     if let (Some(drift), Some(figure)) = (&made.drift, &mut product.figure) {
         let readings: Vec<(f64, f64, f64)> =
             drift.points().iter().map(|p| (p.time_s, p.ln, p.sigma)).collect();
@@ -101,15 +108,28 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
     super::finish(&out, &found, product, &text, console)
 }
 
-fn drift_json(drift: &Drift) -> Value {
-    let step = |step: &Step| json!({ "from_s": step.from_s, "to_s": step.to_s, "relative": step.relative });
-    json!({
-        "readings": drift.readings(),
-        "range": drift.range(),
-        "corrected": drift.is_corrected(),
-        "hidden": drift.hidden(),
-        "steps": drift.steps().iter().map(step).collect::<Vec<_>>(),
-    })
+/// A run with documented keys.
+#[derive(Serialize)]
+struct RunJson<'a> {
+    folder: String,
+    steps: usize,
+    steps_left: usize,
+    readings: usize,
+    took_s: f64,
+    photodiode_noise: f64,
+    light_unrest: f64,
+    lamp_range: f64,
+    drift: Option<DriftJson>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct DriftJson {
+    readings: usize,
+    range: f64,
+    corrected: bool,
+    hidden: f64,
+    steps: Vec<Step>,
 }
 
 /// The reference as a line of the text.
@@ -181,21 +201,28 @@ fn open(
 
 impl Opened {
     /// Who the devices say they are, with all their settings.
-    fn describe(&mut self, pace: &Pace) -> anyhow::Result<Value> {
+    fn describe(&mut self, pace: &Pace) -> anyhow::Result<Devices> {
         let meter: &mut dyn Device = match &mut self.meter {
             AnyMeter::Meter(meter) => meter.as_mut(),
             AnyMeter::Power(meter) => meter.as_mut(),
         };
-        let mut made = json!({
-            "monochromator": describe(self.monochromator.as_mut(), &pace.clock)?,
-            "meter": describe(meter, &pace.clock)?,
-            "counter": describe(self.counter.as_mut(), &pace.clock)?,
-        });
-        if let Some(wheel) = &mut self.wheel {
-            made["wheel"] = describe(wheel.as_mut(), &pace.clock)?;
-        }
-        Ok(made)
+        let says = |device: &mut dyn Device| describe(device, &pace.clock);
+        Ok(Devices {
+            monochromator: says(self.monochromator.as_mut())?,
+            meter: says(meter)?,
+            counter: says(self.counter.as_mut())?,
+            wheel: self.wheel.as_mut().map(|wheel| says(wheel.as_mut())).transpose()?,
+        })
     }
+}
+
+#[derive(Serialize)]
+struct Devices {
+    monochromator: Value,
+    meter: Value,
+    counter: Value,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wheel: Option<Value>,
 }
 
 /// A line that ends a place, in words.
@@ -276,6 +303,6 @@ fn take(
             )
         });
     }
-    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    rig::end(&mut log)?;
     Ok((std::mem::take(&mut log.lines), pace.now_s() - began_s))
 }

@@ -7,6 +7,7 @@
 //!
 //! Where no change is told, nothing is corrected, and the mean square of what q may have changed beyond noise is an uncertainty of all.
 
+use serde::Serialize;
 use sunglint_numerics::order::{SIGMA_PER_MAD, median};
 
 /// Standard deviations of χ² from which on something is seen, and of a slope.
@@ -39,7 +40,7 @@ pub struct Change {
 }
 
 /// A sudden change between two readings of the reference.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Step {
     /// Reading before, s.
     pub from_s: f64,

@@ -342,7 +342,7 @@ struct ComparisonJson<'a> {
     exposures: ExposuresJson,
     tolerance: f64,
     doubtful_materials: Option<Vec<&'a String>>,
-    needs: Value,
+    needs: Vec<explain::NeedJson<'a>>,
     not_modelled: Vec<String>,
     cost: CostJson,
     inputs: Vec<Input>,

@@ -3,7 +3,7 @@
 use super::escape::Text;
 use super::svg;
 use crate::plot::base64;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt::Write as _;
 
 /// Kind of an axis.
@@ -140,20 +140,32 @@ impl Chart {
         page.push_str("</figure>\n");
     }
 
-    fn data(&self, pool: &mut Vec<String>) -> Value {
-        let line = |line: &Line| {
-            json!({
-                "name": line.name, "channel": line.channel, "hue": line.hue,
-                "kind": match line.kind { Kind::Dots => "dots", Kind::Line => "line", Kind::Out => "out" },
-                "x": pooled(pool, &line.x), "y": pooled(pool, &line.y),
-                "s": (!line.sigma.is_empty()).then(|| pooled(pool, &line.sigma)),
-            })
-        };
-        json!({
-            "id": self.id, "title": self.title, "label": self.label, "scale": self.scale.name(),
-            "range": self.range.map(|(a, b)| [a, b]), "rule": self.rule,
-            "lines": self.lines.iter().map(line).collect::<Vec<_>>(),
-        })
+    fn data(&self, pool: &mut Vec<String>) -> ChartData<'_> {
+        let mut lines = Vec::new();
+        for line in &self.lines {
+            lines.push(LineData {
+                name: &line.name,
+                channel: line.channel,
+                hue: line.hue,
+                kind: match line.kind {
+                    Kind::Dots => "dots",
+                    Kind::Line => "line",
+                    Kind::Out => "out",
+                },
+                x: pooled(pool, &line.x),
+                y: pooled(pool, &line.y),
+                s: (!line.sigma.is_empty()).then(|| pooled(pool, &line.sigma)),
+            });
+        }
+        ChartData {
+            id: &self.id,
+            title: &self.title,
+            label: &self.label,
+            scale: self.scale.name(),
+            range: self.range.map(|(a, b)| [a, b]),
+            rule: self.rule,
+            lines,
+        }
     }
 }
 
@@ -169,6 +181,40 @@ fn pooled(pool: &mut Vec<String>, values: &[f64]) -> usize {
             pool.len() - 1
         }
     }
+}
+
+/// A line's numbers, for the script.
+#[derive(Serialize)]
+struct LineData<'a> {
+    name: &'a str,
+    channel: Option<usize>,
+    hue: usize,
+    kind: &'static str,
+    x: usize,
+    y: usize,
+    s: Option<usize>,
+}
+
+/// A chart's numbers, for the script.
+#[derive(Serialize)]
+struct ChartData<'a> {
+    id: &'a str,
+    title: &'a str,
+    label: &'a str,
+    scale: &'static str,
+    range: Option<[f64; 2]>,
+    rule: Option<f64>,
+    lines: Vec<LineData<'a>>,
+}
+
+/// A group's numbers, for the script.
+#[derive(Serialize)]
+pub(super) struct GroupData<'a> {
+    label: &'a str,
+    start: f64,
+    from: f64,
+    to: f64,
+    charts: Vec<ChartData<'a>>,
 }
 
 /// Charts above one another on one axis of time.
@@ -189,10 +235,13 @@ pub struct Group {
 }
 
 impl Group {
-    pub(super) fn data(&self, pool: &mut Vec<String>) -> Value {
-        json!({
-            "label": self.x_label, "start": self.start_ms, "from": self.from, "to": self.to,
-            "charts": self.charts.iter().map(|c| c.data(pool)).collect::<Vec<_>>(),
-        })
+    pub(super) fn data(&self, pool: &mut Vec<String>) -> GroupData<'_> {
+        GroupData {
+            label: &self.x_label,
+            start: self.start_ms,
+            from: self.from,
+            to: self.to,
+            charts: self.charts.iter().map(|c| c.data(pool)).collect(),
+        }
     }
 }

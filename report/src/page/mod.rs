@@ -10,10 +10,11 @@ mod svg;
 
 pub use chart::{Chart, Group, Kind, Line, Scale};
 
+use crate::json_of;
 use crate::plot::base64;
+use chart::GroupData;
 use escape::{Text, data_block};
 use serde::Serialize;
-use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 
@@ -55,6 +56,21 @@ pub struct Section {
     pub text: Vec<String>,
     /// Table; without rows there is none.
     pub grid: Grid,
+}
+
+/// A channel for the script.
+#[derive(Serialize)]
+struct ChannelData<'a> {
+    name: &'a str,
+    hue: usize,
+}
+
+/// The numbers of the charts, for the script.
+#[derive(Serialize)]
+struct Data<'a> {
+    channels: Vec<ChannelData<'a>>,
+    groups: Vec<GroupData<'a>>,
+    pool: Vec<String>,
 }
 
 /// Contents of a page.
@@ -212,10 +228,9 @@ impl Page {
     /// The numbers of the charts, for the script.
     fn data(&self) -> serde_json::Value {
         let mut pool: Vec<String> = Vec::new();
-        let groups: Vec<_> = self.groups.iter().map(|group| group.data(&mut pool)).collect();
-        let channels: Vec<_> =
-            self.channels.iter().map(|(name, hue)| json!({ "name": name, "hue": hue })).collect();
-        json!({ "channels": channels, "groups": groups, "pool": pool })
+        let groups = self.groups.iter().map(|group| group.data(&mut pool)).collect();
+        let channels = self.channels.iter().map(|(name, hue)| ChannelData { name, hue: *hue });
+        json_of(&Data { channels: channels.collect(), groups, pool })
     }
 }
 

@@ -4,10 +4,11 @@ pub mod active;
 pub mod figure;
 
 use crate::explain;
-use crate::{Format, Product, rounded};
+use crate::{Format, Product, json_of, rounded};
 use figure::Drawing;
 use hifitime::Epoch;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
@@ -16,7 +17,7 @@ use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::{SpectralLightCurve, tracks};
 use sunglint_simulator::light::percent;
 use sunglint_simulator::pass::{
-    At, Bounds, ChannelTotals, Cost, Ends, HighestRate, Pass, Piece, StandardMagnitude,
+    At, Bounds, ChannelTotals, Cost, Ends, HighestRate, Pass, Piece, Promise, StandardMagnitude,
     StatedError, Totals,
 };
 
@@ -136,8 +137,163 @@ fn utc(time: Epoch) -> String {
 }
 
 /// A stated error with documented keys.
-fn stated(error: Option<StatedError>) -> Value {
-    json!({ "median_relative": error.map(|e| rounded(e.median)), "largest_relative": error.map(|e| rounded(e.largest)) })
+#[derive(Serialize)]
+struct StatedJson {
+    median_relative: Option<f64>,
+    largest_relative: Option<f64>,
+}
+
+fn stated(error: Option<StatedError>) -> StatedJson {
+    StatedJson {
+        median_relative: error.map(|e| rounded(e.median)),
+        largest_relative: error.map(|e| rounded(e.largest)),
+    }
+}
+
+#[derive(Serialize)]
+struct OrbitJson<'a> {
+    name: &'a str,
+    elements_epoch_utc: Option<String>,
+}
+
+#[derive(Serialize)]
+struct PartJson<'a> {
+    name: &'a str,
+    material: &'a str,
+}
+
+#[derive(Serialize)]
+struct TargetJson<'a> {
+    name: &'a str,
+    parts: Vec<PartJson<'a>>,
+    material_spectra: usize,
+}
+
+#[derive(Serialize)]
+struct StationJson<'a> {
+    name: &'a str,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+}
+
+#[derive(Serialize)]
+struct AirJson {
+    description: Option<String>,
+}
+
+#[derive(Serialize)]
+struct MagnitudeJson {
+    brightest_mag: Option<f64>,
+    brightest_utc: Option<String>,
+    faintest_mag: Option<f64>,
+}
+
+fn magnitude(found: Option<&Ends>) -> MagnitudeJson {
+    MagnitudeJson {
+        brightest_mag: found.map(|e| rounded(e.brightest.value)),
+        brightest_utc: found.map(|e| utc(e.brightest.time)),
+        faintest_mag: found.map(|e| rounded(e.faintest.value)),
+    }
+}
+
+#[derive(Serialize)]
+struct ChannelJson<'a> {
+    name: &'a str,
+    highest_hz: Option<f64>,
+    highest_utc: Option<String>,
+    transmitted: Option<f64>,
+    signal_to_noise: Option<f64>,
+    saturated_samples: usize,
+    uncovered_nm: f64,
+    stated_error: StatedJson,
+}
+
+fn channel(c: &ChannelTotals) -> ChannelJson<'_> {
+    let best = c.highest;
+    let noise = best.and_then(|b| Some(b.rate_hz / b.sigma_hz?));
+    ChannelJson {
+        name: &c.name,
+        highest_hz: best.map(|b| rounded(b.rate_hz)),
+        highest_utc: best.map(|b| utc(b.time)),
+        transmitted: best.map(|b| rounded(b.rate_hz / b.above_air_hz)),
+        signal_to_noise: noise.map(rounded),
+        saturated_samples: c.saturated,
+        uncovered_nm: c.uncovered_nm,
+        stated_error: stated(c.stated_error()),
+    }
+}
+
+#[derive(Serialize)]
+struct StageJson {
+    stage: &'static str,
+    seconds: f64,
+}
+
+#[derive(Serialize)]
+struct CostJson {
+    total_s: f64,
+    us_per_epoch: f64,
+    threads: usize,
+    indirect_epochs: usize,
+    stages: Vec<StageJson>,
+}
+
+#[derive(Serialize)]
+struct ErrorBoundJson {
+    transmission: f64,
+    transmission_nodes: usize,
+    rate_relative: f64,
+    light_relative: f64,
+}
+
+#[derive(Serialize)]
+struct PolarisationJson<'a> {
+    v_least: Option<f64>,
+    v_most: Option<f64>,
+    v_error: Option<f64>,
+    unknown: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    pass: &'a str,
+    orbit: OrbitJson<'a>,
+    target: TargetJson<'a>,
+    station: StationJson<'a>,
+    air: AirJson,
+    earth: explain::EarthJson<'a>,
+    epochs: usize,
+    from_utc: String,
+    to_utc: String,
+    bins: usize,
+    quantity: &'static str,
+    unit: &'static str,
+    visible_samples: usize,
+    eclipsed_samples: usize,
+    hidden_samples: usize,
+    highest_altitude_deg: Option<f64>,
+    highest_altitude_utc: Option<String>,
+    nearest_range_m: f64,
+    phase_from_deg: f64,
+    phase_to_deg: f64,
+    zero_point: String,
+    v_above_air: MagnitudeJson,
+    v_after_air: MagnitudeJson,
+    v_1000km: MagnitudeJson,
+    v_standard: MagnitudeJson,
+    standard_law: &'static str,
+    channels: Vec<ChannelJson<'a>>,
+    cost: CostJson,
+    error_bound: ErrorBoundJson,
+    tolerance: f64,
+    promise: Promise,
+    material_error: StatedJson,
+    polarisation: Option<PolarisationJson<'a>>,
+    needs: Vec<explain::NeedJson<'a>>,
+    bins_stated_error: StatedJson,
+    not_modelled: Vec<String>,
+    warnings: &'a [String],
 }
 
 impl SimulationReport<'_> {
@@ -417,72 +573,83 @@ impl SimulationReport<'_> {
         let totals = &self.gathered.totals;
         let (pass, n) = (totals.pass, totals.samples);
         let site = pass.station.site.geodetic();
-        let (visible, eclipsed) = (totals.visible, totals.eclipsed);
-        let channels: Vec<Value> = totals
-            .channels
-            .iter()
-            .map(|c| {
-                let best = c.highest;
-                let noise = best.and_then(|b| Some(b.rate_hz / b.sigma_hz?));
-                json!({ "name": c.name, "highest_hz": best.map(|b| rounded(b.rate_hz)), "highest_utc": best.map(|b| utc(b.time)),
-                    "transmitted": best.map(|b| rounded(b.rate_hz / b.above_air_hz)), "signal_to_noise": noise.map(rounded),
-                    "saturated_samples": c.saturated,
-                    "uncovered_nm": c.uncovered_nm,
-                    "stated_error": stated(c.stated_error()) })
-            })
-            .collect();
-        let magnitude = |found: &Option<Ends>| {
-            json!({ "brightest_mag": found.map(|e| rounded(e.brightest.value)), "brightest_utc": found.map(|e| utc(e.brightest.time)),
-                "faintest_mag": found.map(|e| rounded(e.faintest.value)) })
-        };
         let top = totals.highest;
-        let elements = match &pass.orbit {
+        let elements_epoch_utc = match &pass.orbit {
             Orbit::Tle(orbit) => Some(format_utc_shortest(orbit.tle().epoch)),
             _ => None,
         };
-        let parts: Vec<Value> = pass
-            .target
+        let target = &pass.target;
+        let parts = target
             .parts
             .iter()
-            .map(|p| json!({ "name": p.name, "material": pass.target.materials[p.material].name }))
-            .collect();
-        json!({
-            "pass": pass.name,
-            "orbit": { "name": totals.object, "elements_epoch_utc": elements },
-            "target": { "name": pass.target.name, "parts": parts, "material_spectra": totals.terms },
-            "station": { "name": pass.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": pass.air.as_ref().map(Air::describe) },
-            "earth": explain::earth_json(&pass.earth),
-            "epochs": n, "from_utc": utc(pass.times[0]), "to_utc": utc(pass.times[n - 1]), "bins": pass.bins(),
-            "quantity": pass.spectral.name(), "unit": pass.spectral.unit(),
-            "visible_samples": visible, "eclipsed_samples": eclipsed, "hidden_samples": n - visible,
-            "highest_altitude_deg": top.map(|top| rounded(top.altitude_deg)),
-            "highest_altitude_utc": top.map(|top| utc(top.time)),
-            "nearest_range_m": rounded(totals.nearest_m),
-            "phase_from_deg": rounded(totals.phases_deg.0), "phase_to_deg": rounded(totals.phases_deg.1),
-            "zero_point": pass.zero.to_string(),
-            "v_above_air": magnitude(&totals.v_above_air),
-            "v_after_air": magnitude(&totals.v_after_air),
-            "v_1000km": magnitude(&totals.v_1000km),
-            "v_standard": magnitude(&totals.v_standard),
-            "standard_law": StandardMagnitude::IlluminatedFraction.law(),
-            "channels": channels,
-            "cost": { "total_s": rounded(self.cost.total_s), "us_per_epoch": rounded(1e6 * self.cost.total_s / n as f64), "threads": self.cost.threads, "indirect_epochs": self.bounds.indirect_epochs,
-                "stages": self.cost.stages.iter().map(|(s, t)| json!({ "stage": s.name(), "seconds": rounded(*t) })).collect::<Vec<_>>() },
-            "error_bound": { "transmission": self.bounds.transmission, "transmission_nodes": self.bounds.transmission_nodes,
-                "rate_relative": self.bounds.rate_relative, "light_relative": self.bounds.light_relative },
-            "tolerance": pass.tolerance,
-            "promise": totals.promise(),
-            "material_error": stated(totals.material_error()),
-            "polarisation": self.polarised.then(|| {
-                let in_v = totals.polarisation_in_v;
-                let of = |i: usize| in_v.map(|v| rounded(v[i]));
-                json!({ "v_least": of(0), "v_most": of(1), "v_error": of(2), "unknown": totals.not_polarised })
-            }),
-            "needs": explain::json(&totals.needs),
-            "bins_stated_error": stated(totals.stated_error_of_bins()),
-            "not_modelled": totals.not_modelled(),
-            "warnings": self.warnings,
+            .map(|p| PartJson { name: &p.name, material: &target.materials[p.material].name });
+        let stages = self.cost.stages.iter();
+        let polarisation = || {
+            let in_v = totals.polarisation_in_v;
+            let of = |i: usize| in_v.map(|v| rounded(v[i]));
+            let [v_least, v_most, v_error] = [of(0), of(1), of(2)];
+            PolarisationJson { v_least, v_most, v_error, unknown: &totals.not_polarised }
+        };
+        json_of(&Document {
+            pass: &pass.name,
+            orbit: OrbitJson { name: &totals.object, elements_epoch_utc },
+            target: TargetJson {
+                name: &target.name,
+                parts: parts.collect(),
+                material_spectra: totals.terms,
+            },
+            station: StationJson {
+                name: &pass.station.name,
+                latitude_deg: site.latitude_deg,
+                longitude_deg: site.longitude_deg,
+                height_m: site.height_m,
+            },
+            air: AirJson { description: pass.air.as_ref().map(Air::describe) },
+            earth: explain::EarthJson::new(&pass.earth),
+            epochs: n,
+            from_utc: utc(pass.times[0]),
+            to_utc: utc(pass.times[n - 1]),
+            bins: pass.bins(),
+            quantity: pass.spectral.name(),
+            unit: pass.spectral.unit(),
+            visible_samples: totals.visible,
+            eclipsed_samples: totals.eclipsed,
+            hidden_samples: n - totals.visible,
+            highest_altitude_deg: top.map(|top| rounded(top.altitude_deg)),
+            highest_altitude_utc: top.map(|top| utc(top.time)),
+            nearest_range_m: rounded(totals.nearest_m),
+            phase_from_deg: rounded(totals.phases_deg.0),
+            phase_to_deg: rounded(totals.phases_deg.1),
+            zero_point: pass.zero.to_string(),
+            v_above_air: magnitude(totals.v_above_air.as_ref()),
+            v_after_air: magnitude(totals.v_after_air.as_ref()),
+            v_1000km: magnitude(totals.v_1000km.as_ref()),
+            v_standard: magnitude(totals.v_standard.as_ref()),
+            standard_law: StandardMagnitude::IlluminatedFraction.law(),
+            channels: totals.channels.iter().map(channel).collect(),
+            cost: CostJson {
+                total_s: rounded(self.cost.total_s),
+                us_per_epoch: rounded(1e6 * self.cost.total_s / n as f64),
+                threads: self.cost.threads,
+                indirect_epochs: self.bounds.indirect_epochs,
+                stages: stages
+                    .map(|(s, t)| StageJson { stage: s.name(), seconds: rounded(*t) })
+                    .collect(),
+            },
+            error_bound: ErrorBoundJson {
+                transmission: self.bounds.transmission,
+                transmission_nodes: self.bounds.transmission_nodes,
+                rate_relative: self.bounds.rate_relative,
+                light_relative: self.bounds.light_relative,
+            },
+            tolerance: pass.tolerance,
+            promise: totals.promise(),
+            material_error: stated(totals.material_error()),
+            polarisation: self.polarised.then(polarisation),
+            needs: explain::json(&totals.needs),
+            bins_stated_error: stated(totals.stated_error_of_bins()),
+            not_modelled: totals.not_modelled(),
+            warnings: self.warnings,
         })
     }
 }

@@ -1,7 +1,6 @@
 //! The curves and tables of a simulation.
 
 use super::{BANDS, Simulation, SpectralQuantity};
-use serde_json::json;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_numerics::order::RunningMedian;
@@ -203,10 +202,10 @@ impl Simulation<'_> {
     pub fn geometry_table(&self, command: &str) -> Table {
         let mut table = Table::default();
         let mut meta = |key: &str, value| table.meta.insert(key.into(), value);
-        meta("title", json!(format!("{}: geometry and magnitudes", self.pass.name)));
+        meta("title", format!("{}: geometry and magnitudes", self.pass.name).into());
         meta("provenance", self.provenance(command).to_json());
-        meta("tolerance", json!(self.pass.tolerance));
-        meta("zero_point", json!(self.pass.zero.to_string()));
+        meta("tolerance", self.pass.tolerance.into());
+        meta("zero_point", self.pass.zero.to_string().into());
         let of = |f: &dyn Fn(&super::Place) -> f64| self.places.iter().map(f).collect::<Vec<f64>>();
         let number = |name: &str, unit: Option<&str>, what: &str, values: Vec<f64>| {
             Column::f64(name, unit, values).described(what)

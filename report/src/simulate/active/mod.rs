@@ -5,9 +5,10 @@ mod range_data;
 
 pub use range_data::{Content, RangeData, RangeDataError, range_file};
 
-use crate::{Product, rounded};
+use crate::{Product, json_of, rounded};
 use ndarray::Array2;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
@@ -24,6 +25,63 @@ pub struct ActiveReport<'a> {
     pub simulation: &'a Simulation<'a>,
     /// The returns of each laser.
     pub returns: &'a [Returns<'a>],
+}
+
+#[derive(Serialize)]
+struct BouncesJson {
+    traced: bool,
+    bound: Option<f64>,
+    largest_share: f64,
+}
+
+#[derive(Serialize)]
+struct BestJson {
+    time_utc: Option<String>,
+    range_m: Option<f64>,
+    photons_per_shot: Option<f64>,
+    bounced_photons_per_shot: Option<f64>,
+    bounced_error: Option<f64>,
+    retro_photons_per_shot: Option<f64>,
+    cross_section_m2: Option<f64>,
+    aberration_rad: Option<f64>,
+    speckles: Option<f64>,
+    detection_probability: Option<f64>,
+    rate_hz: Option<f64>,
+    passive_rate_hz: Option<f64>,
+    transmission: Option<f64>,
+    spot_radius_m: Option<f64>,
+    mean_offset_m: Option<f64>,
+    first_photon_offset_m: Option<f64>,
+    sun_ratio: Option<f64>,
+    earth_ratio: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct AltitudeJson {
+    altitude_km: f64,
+    sun_ratio: f64,
+    earth_ratio: f64,
+}
+
+#[derive(Serialize)]
+struct LaserJson<'a> {
+    laser: &'a str,
+    wavelength_nm: f64,
+    beam: &'static str,
+    receiver: &'a str,
+    counts_per_photon: f64,
+    repetition_rate_hz: f64,
+    apart: bool,
+    cubes: usize,
+    bounces: BouncesJson,
+    best: BestJson,
+    saturated_samples: usize,
+    by_altitude: Vec<AltitudeJson>,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    lasers: Vec<LaserJson<'a>>,
 }
 
 /// The beam's model in words.
@@ -168,56 +226,57 @@ impl ActiveReport<'_> {
 
     /// Summary with its documented keys.
     pub fn json(&self) -> Value {
-        let one = |r: &Returns<'_>| {
+        let lasers = self.returns.iter().map(|r| {
             let l = r.laser;
             let best = r.best();
             let at = |values: &[f64]| best.map(|i| rounded(values[i]));
-            let by: Vec<Value> = ALTITUDES_KM
-                .iter()
-                .zip(&r.by_altitude)
-                .map(|(km, (sun, earth))| {
-                    json!({ "altitude_km": km, "sun_ratio": rounded(*sun), "earth_ratio": rounded(*earth) })
-                })
-                .collect();
-            json!({
-                "laser": l.name,
-                "wavelength_nm": l.wavelength_nm,
-                "beam": match l.beam { BeamShape::TopHat => "top_hat", BeamShape::Gaussian => "gaussian" },
-                "receiver": self.channel(r),
-                "counts_per_photon": rounded(r.efficiency),
-                "repetition_rate_hz": l.repetition_rate_hz,
-                "apart": l.site.is_some(),
-                "cubes": self.simulation.pass.target.retros.cubes.len(),
-                "bounces": {
-                    "traced": r.need.needed,
-                    "bound": r.need.bound.map(rounded),
-                    "largest_share": rounded(r.most_bounced()),
+            let altitude = |(km, (sun, earth)): (&f64, &(f64, f64))| AltitudeJson {
+                altitude_km: *km,
+                sun_ratio: rounded(*sun),
+                earth_ratio: rounded(*earth),
+            };
+            LaserJson {
+                laser: &l.name,
+                wavelength_nm: l.wavelength_nm,
+                beam: match l.beam {
+                    BeamShape::TopHat => "top_hat",
+                    BeamShape::Gaussian => "gaussian",
                 },
-                "best": {
-                    "time_utc": best.map(|i| format_utc_shortest(self.simulation.pass.times[i])),
-                    "range_m": best.map(|i| rounded(self.simulation.places[i].geometry.range_m)),
-                    "photons_per_shot": at(&r.photons),
-                    "bounced_photons_per_shot": at(&r.bounced),
-                    "bounced_error": at(&r.bounced_error),
-                    "retro_photons_per_shot": at(&r.retro),
-                    "cross_section_m2": at(&r.cross_section_m2),
-                    "aberration_rad": at(&r.aberration_rad),
-                    "speckles": at(&r.speckles),
-                    "detection_probability": at(&r.probability),
-                    "rate_hz": at(&r.rate_hz),
-                    "passive_rate_hz": at(&r.passive_hz),
-                    "transmission": at(&r.transmission),
-                    "spot_radius_m": at(&r.spot_m),
-                    "mean_offset_m": at(&r.mean_m),
-                    "first_photon_offset_m": at(&r.first_m),
-                    "sun_ratio": at(&r.sun_ratio),
-                    "earth_ratio": at(&r.earth_ratio),
+                receiver: self.channel(r),
+                counts_per_photon: rounded(r.efficiency),
+                repetition_rate_hz: l.repetition_rate_hz,
+                apart: l.site.is_some(),
+                cubes: self.simulation.pass.target.retros.cubes.len(),
+                bounces: BouncesJson {
+                    traced: r.need.needed,
+                    bound: r.need.bound.map(rounded),
+                    largest_share: rounded(r.most_bounced()),
                 },
-                "saturated_samples": r.saturated(),
-                "by_altitude": by,
-            })
-        };
-        json!({ "lasers": self.returns.iter().map(one).collect::<Vec<_>>() })
+                best: BestJson {
+                    time_utc: best.map(|i| format_utc_shortest(self.simulation.pass.times[i])),
+                    range_m: best.map(|i| rounded(self.simulation.places[i].geometry.range_m)),
+                    photons_per_shot: at(&r.photons),
+                    bounced_photons_per_shot: at(&r.bounced),
+                    bounced_error: at(&r.bounced_error),
+                    retro_photons_per_shot: at(&r.retro),
+                    cross_section_m2: at(&r.cross_section_m2),
+                    aberration_rad: at(&r.aberration_rad),
+                    speckles: at(&r.speckles),
+                    detection_probability: at(&r.probability),
+                    rate_hz: at(&r.rate_hz),
+                    passive_rate_hz: at(&r.passive_hz),
+                    transmission: at(&r.transmission),
+                    spot_radius_m: at(&r.spot_m),
+                    mean_offset_m: at(&r.mean_m),
+                    first_photon_offset_m: at(&r.first_m),
+                    sun_ratio: at(&r.sun_ratio),
+                    earth_ratio: at(&r.earth_ratio),
+                },
+                saturated_samples: r.saturated(),
+                by_altitude: ALTITUDES_KM.iter().zip(&r.by_altitude).map(altitude).collect(),
+            }
+        });
+        json_of(&Document { lasers: lasers.collect() })
     }
 
     /// Tables, images and figures; `name` is that of the pass.
@@ -255,7 +314,7 @@ impl ActiveReport<'_> {
 
     fn head(&self, title: &str) -> Table {
         let mut table = Table::default();
-        table.meta.insert("title".into(), json!(title));
+        table.meta.insert("title".into(), title.into());
         let provenance = self.simulation.provenance("sunglint simulate --active").to_json();
         table.meta.insert("provenance".into(), provenance);
         let beam = |r: &Returns<'_>| {
@@ -267,7 +326,7 @@ impl ActiveReport<'_> {
             self.returns.iter().map(|r| format!("{}: bounces: {}", r.laser.name, bounces(r))),
         );
         notes.push(self.cubes());
-        table.meta.insert("comments".into(), json!(notes));
+        table.meta.insert("comments".into(), notes.into());
         table
     }
 

@@ -1,7 +1,8 @@
 //! Range data of simulated shots as a station would deliver them: full rate and normal points in the ILRS's CRD format.
 
-use crate::rounded;
-use serde_json::{Value, json};
+use crate::{json_of, rounded};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_ephemeris::orbit::tle::Tle;
@@ -25,6 +26,18 @@ const SENT: i64 = 2;
 /// Filter flags: counts that are none of the target's, returns.
 const NOISE: i64 = 1;
 const DATA: i64 = 2;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    laser: &'a str,
+    shots: u64,
+    returns: usize,
+    noise: usize,
+    normal_points: usize,
+    rejected: usize,
+    in_small_bins: usize,
+    rms_ps: Option<f64>,
+}
 
 /// Sessions of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,15 +174,15 @@ impl<'a> RangeData<'a> {
 
     /// Summary with its documented keys.
     pub fn json(&self) -> Value {
-        json!({
-            "laser": self.laser.name,
-            "shots": self.shots.count(),
-            "returns": self.returns.len(),
-            "noise": self.noise(),
-            "normal_points": self.normal.points.len(),
-            "rejected": self.normal.rejected,
-            "in_small_bins": self.normal.in_small_bins,
-            "rms_ps": self.normal.moments.map(|m| rounded(1e12 * m.rms_s)),
+        json_of(&Document {
+            laser: &self.laser.name,
+            shots: self.shots.count(),
+            returns: self.returns.len(),
+            noise: self.noise(),
+            normal_points: self.normal.points.len(),
+            rejected: self.normal.rejected,
+            in_small_bins: self.normal.in_small_bins,
+            rms_ps: self.normal.moments.map(|m| rounded(1e12 * m.rms_s)),
         })
     }
 
