@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use sunglint_calibration::efficiency::EfficiencyFlags;
 use sunglint_materials::table::RetroFlags;
+use sunglint_testkit::coverage::{Coverage, Night, coverage, holm};
 
 fn read(page: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap()
@@ -50,6 +51,165 @@ fn the_page_of_uncertainties_is_that_of_the_campaigns() {
         };
         assert!(rows.any(words), "{name}, {figure}: {text} is in no row");
     }
+}
+
+/// Rows of a campaign, by column.
+struct Rows {
+    columns: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    fn new(campaign: &str) -> Self {
+        let text = read(&format!("tests/campaigns/{campaign}.tsv"));
+        let mut lines = text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split('\t'));
+        let columns = lines.next().unwrap().map(str::to_owned).collect();
+        // A seed's commit is no number.
+        let one = |l: std::str::Split<'_, char>| l.map(|v| v.parse().unwrap_or(f64::NAN)).collect();
+        Self { columns, rows: lines.map(one).collect() }
+    }
+
+    fn at(&self, row: &[f64], column: &str) -> f64 {
+        row[self.columns.iter().position(|c| c == column).unwrap()]
+    }
+
+    /// Nights of rows that count: `of` intervals each, what they missed, their mean pull.
+    fn nights(
+        &self,
+        counts: &dyn Fn(&dyn Fn(&str) -> f64) -> bool,
+        night: &dyn Fn(&dyn Fn(&str) -> f64) -> Night,
+    ) -> Vec<Night> {
+        let all = self.rows.iter().filter(|row| counts(&|c| self.at(row, c)));
+        all.map(|row| night(&|c| self.at(row, c))).collect()
+    }
+
+    /// Median half-width over 1.96 times the root of the mean square error, of columns of rows that count.
+    fn over_scatter(
+        &self,
+        counts: &dyn Fn(&dyn Fn(&str) -> f64) -> bool,
+        half: &str,
+        square: &dyn Fn(&dyn Fn(&str) -> f64) -> f64,
+    ) -> f64 {
+        let all: Vec<&Vec<f64>> =
+            self.rows.iter().filter(|row| counts(&|c| self.at(row, c))).collect();
+        let mut halves: Vec<f64> = all.iter().map(|row| self.at(row, half)).collect();
+        halves.sort_by(f64::total_cmp);
+        let squares: f64 = all.iter().map(|row| square(&|c| self.at(row, c))).sum();
+        halves[halves.len() / 2] / (1.96 * (squares / all.len() as f64).sqrt())
+    }
+}
+
+/// The lines of the page's table of rows: what was held, night by night.
+fn counted_by_nights() -> Vec<String> {
+    type Row<'a> = &'a dyn Fn(&str) -> f64;
+    let several = |below: &'static str, above: &'static str, pull: &'static str| {
+        move |row: Row| Night { below: row(below), above: row(above), of: 6.0, pull: row(pull) }
+    };
+    let one = |missed: &'static str, pull: &'static str| {
+        move |row: Row| Night {
+            below: f64::from(u8::from(row(missed) < 0.0)),
+            above: f64::from(u8::from(row(missed) > 0.0)),
+            of: 1.0,
+            pull: row(pull),
+        }
+    };
+    let wandering = Rows::new("wandering_sphere");
+    let (bodies, spins) = (Rows::new("tumbling_stages"), Rows::new("attitude"));
+    let all = |_: Row| true;
+    let alone = |row: Row| row("kind") == 0.0;
+    let wrong = |row: Row| row("kind") > 0.0;
+    let single = |row: Row| row("answer") == 0.0;
+    let period = |row: Row| {
+        let (missed, off) = (row("held") == 0.0, row("relative"));
+        Night {
+            below: f64::from(u8::from(missed && off > 0.0)),
+            above: f64::from(u8::from(missed && off <= 0.0)),
+            of: 1.0,
+            pull: f64::NAN,
+        }
+    };
+    let ellipse = |row: Row| Night {
+        below: 0.0,
+        above: f64::from(u8::from(row("axis_chi2") > 5.991)),
+        of: 1.0,
+        pull: f64::NAN,
+    };
+    let square = |row: Row| row("square");
+    let k_square = |row: Row| row("k_square");
+    let rows: Vec<(&str, &str, Vec<Night>, Option<f64>)> = vec![
+        (
+            "six albedos of a sphere, residuals independent",
+            "wandering_sphere",
+            wandering.nights(&alone, &several("below", "above", "pull")),
+            Some(wandering.over_scatter(&alone, "half", &square)),
+        ),
+        (
+            "the same, the model wrong by 3 % for 2 to 16 samples",
+            "wandering_sphere",
+            wandering.nights(&wrong, &several("below", "above", "pull")),
+            Some(wandering.over_scatter(&wrong, "half", &square)),
+        ),
+        (
+            "extinction, which six channels share, residuals independent",
+            "wandering_sphere",
+            wandering.nights(&alone, &one("k_missed", "k_pull")),
+            Some(wandering.over_scatter(&alone, "k_half", &k_square)),
+        ),
+        (
+            "the same, the model wrong by 3 % for 2 to 16 samples",
+            "wandering_sphere",
+            wandering.nights(&wrong, &one("k_missed", "k_pull")),
+            Some(wandering.over_scatter(&wrong, "k_half", &k_square)),
+        ),
+        (
+            "the period of a tumbling rocket body",
+            "tumbling_stages",
+            bodies.nights(&single, &period),
+            None,
+        ),
+        ("the axis of a spin, ellipse", "attitude", spins.nights(&all, &ellipse), None),
+    ];
+    let counted: Vec<Coverage> = rows.iter().map(|(.., nights, _)| coverage(nights)).collect();
+    let p = holm(&counted.iter().map(|c| c.p).collect::<Vec<_>>());
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let line = |((what, campaign, _, width), (c, p)): (
+        &(&str, &str, Vec<Night>, Option<f64>),
+        (&Coverage, f64),
+    )| {
+        let verdict = match (p < 0.05, c.held < 0.95) {
+            (false, _) => "holds",
+            (true, true) => "**too narrow**",
+            (true, false) => "**too wide**",
+        };
+        let bias = match c.bias[0].is_finite() {
+            true => format!("{:+.2} ± {:.2}", c.bias[0], c.bias[1]),
+            false => "–".to_owned(),
+        };
+        format!(
+            "| {what} | `{campaign}` | {} | {} ({} to {}) | {}, {} | {bias} | {} | {p:.2} | {verdict} |",
+            c.nights,
+            percent(c.held),
+            percent(c.interval[0]),
+            percent(c.interval[1]),
+            c.missed[0],
+            c.missed[1],
+            width.map_or("–".to_owned(), |w| format!("{w:.2}")),
+        )
+    };
+    rows.iter().zip(counted.iter().zip(p)).map(line).collect()
+}
+
+/// Truth: rows that the campaigns wrote (`tests/campaigns/*.tsv`), counted by `sunglint_testkit::coverage`, whose own truths are closed forms and scipy's. Where it fails the lines that belong on the page are printed.
+#[test]
+fn the_page_of_uncertainties_counts_nights() {
+    let page = read("docs/uncertainty.md");
+    let lines = counted_by_nights();
+    let missing: Vec<&String> = lines.iter().filter(|l| !page.contains(l.as_str())).collect();
+    assert!(
+        missing.is_empty(),
+        "docs/uncertainty.md lacks lines; all of them:\n{}",
+        lines.join("\n")
+    );
 }
 
 /// Every command of the README that begins with `sunglint` runs, in the order of the page, in a folder of its own.

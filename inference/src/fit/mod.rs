@@ -463,6 +463,7 @@ fn fit_without(
         let mut refit = |model: &mut StudyModel, fit: &Fit| search.again(model, fit);
         (fit, bounces) = bouncing.settle(&mut model, fit, progress, &mut refit)?;
     }
+    fit.widen_for_correlation(&data);
     // What is linear moves no light.
     let thinned: Vec<Option<Thinned>> = match parameters.free.is_empty() {
         true => nodes.iter().map(|t| Some(*t)).collect(),

@@ -201,6 +201,10 @@ pub fn prepared(
         })
     };
     let mut data = Data::new(measured.name(), pick(&measured.rate), pick(&measured.sigma));
+    let from_start = |t: &hifitime::Epoch| {
+        (tai_nanoseconds(*t) - tai_nanoseconds(measured.times[0])) as f64 * 1e-9
+    };
+    data.time_s = measured.times.iter().map(from_start).collect();
     data.share = measured.share.as_ref().map(pick);
     data.used = Array2::from_shape_fn((n, channels.len()), |(i, c)| {
         from[c].is_some_and(|k| measured.used[[i, k]])

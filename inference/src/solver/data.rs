@@ -21,6 +21,8 @@ pub struct Data {
     pub sigma: Array2<f64>,
     /// Which of them count. Those that do not may be NaN.
     pub used: Array2<bool>,
+    /// Moment of each epoch, s, from any moment of the curve on; how long errors of the model last is told by them.
+    pub time_s: Vec<f64>,
     /// Relative variance that all channels of an epoch share: scintillation ([`sunglint_calibration::stars::scintillation::Aperture`]).
     pub common_variance: Vec<f64>,
     /// Growth of the variance with the rate, ∂σ²/∂rate, epochs × channels: photons. Zeros where the stated variances hold as they are.
@@ -51,6 +53,7 @@ impl Data {
             .for_each(|u, r, s| *u = r.is_finite() && s.is_finite() && *s > 0.0);
         Self {
             name: name.into(),
+            time_s: (0..rate.nrows()).map(|i| i as f64).collect(),
             common_variance: vec![0.0; rate.nrows()],
             variance_slope: Array2::zeros(rate.raw_dim()),
             share: None,
@@ -154,6 +157,10 @@ impl Data {
         if self.common_variance.len() != shape.0 {
             let found = format!("{}, expected {}", self.common_variance.len(), shape.0);
             return wrong("common variances", found);
+        }
+        if self.time_s.len() != shape.0 || self.time_s.iter().any(|t| !t.is_finite()) {
+            let found = format!("{}, expected {} finite numbers", self.time_s.len(), shape.0);
+            return wrong("moments", found);
         }
         if let Some(bad) = self.common_variance.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
             return wrong("a common variance", format!("{bad}, expected a number not below 0"));

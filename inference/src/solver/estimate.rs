@@ -37,13 +37,14 @@ pub(super) struct Known {
     pub warnings: Vec<Warning>,
 }
 
-/// `scale` multiplies the covariance of the samples' noise. Without `profiles` no interval of what is searched for is gone through. The whitener must be one without weights.
+/// `scale` multiplies the covariance of the samples' noise. Without `profiles` no interval of what is searched for is gone through. The whitener must be one without weights. `left` is what the loss leaves of the residuals ([`Response::left`]).
 pub(super) fn estimate(
     problem: &mut Problem,
     values: &[f64],
     state: &State,
     scale: f64,
     profiles: bool,
+    left: &DVector<f64>,
 ) -> Result<Known, FitError> {
     let (n_free, n_linear) = (problem.free.len(), problem.linear.len());
     let n = n_free + n_linear;
@@ -136,6 +137,11 @@ pub(super) fn estimate(
         common: problem.common.clone(),
         pull: pull(&jacobian, &free, &covariance, scale, &unit),
         bounds: (0..n).map(|i| (low[i] * unit(i), high[i] * unit(i))).collect(),
+        held: (0..n)
+            .filter(|i| held[*i].is_some() && root(*i) > 0.0)
+            .filter_map(|i| Some((i, alone(&jacobian, &normal, &free, i)? * unit(i))))
+            .collect(),
+        left: left.clone(),
     };
     // At the minimum nothing pulls on what is free; what a loss other than the square leaves there is no pull.
     let mut gradient = jacobian.tr_mul(&state.residual);
@@ -502,6 +508,29 @@ fn pull(
         }
     }
     pull
+}
+
+/// How far a parameter that stands at a bound moves for a whitened row that is larger by 1, if it alone could leave it; `None` where that changes nothing.
+fn alone(
+    jacobian: &DMatrix<f64>,
+    normal: &DMatrix<f64>,
+    free: &[usize],
+    parameter: usize,
+) -> Option<DVector<f64>> {
+    let with: Vec<usize> = free.iter().copied().chain([parameter]).collect();
+    let (inverse, open) = open_parts(normal, &with);
+    if open.iter().any(|all| all.contains(&parameter)) {
+        return None;
+    }
+    let root = |i: usize| normal[(i, i)].sqrt();
+    let mut row = DVector::zeros(jacobian.nrows());
+    for (a, j) in with.iter().enumerate() {
+        let part = inverse[(free.len(), a)] / (root(parameter) * root(*j));
+        if part.is_finite() {
+            row += jacobian.column(*j) * part;
+        }
+    }
+    Some(row)
 }
 
 /// Derivative of the whitened rates by a parameter, by differences to both sides.

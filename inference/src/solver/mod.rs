@@ -25,8 +25,10 @@
 //! stated too large does not narrow them. With a robust loss the factor is that of an M-estimate, Σψ²/(n−p) over the square of the mean of ψ'
 //! (Huber 1981). What is solved for lies between 0 and its largest value. Where one stands at a bound it has no standard uncertainty, those of the others hold while it stays there, and all intervals
 //! are profiles within the bounds, so that they tell what happens when it leaves. What may be anything between its bounds (χ² rises by less than 3.84 times that factor) keeps the model's own value and is named. Within two standard uncertainties of a bound the interval is where the profile of χ² stays below 3.84 (times that factor).
+//! All this takes residuals as independent. [`Fit::widen_for_correlation`] looks whether they are, and widens covariance and intervals where a model is wrong for several samples at a time.
 
 mod common;
+mod correlation;
 mod data;
 mod estimate;
 mod normal;
@@ -39,6 +41,7 @@ pub mod spectrum;
 mod study;
 mod whiten;
 
+pub use correlation::ResidualCorrelation;
 pub use data::{CalibrationError, Data};
 pub use problem::{Columns, Free, Linear, Model, ModelError, Prior, Search};
 pub use residuals::{Summary, summaries};
@@ -217,6 +220,11 @@ pub enum Warning {
         /// χ² over the degrees of freedom.
         reduced_chi2: f64,
     },
+    /// Residuals hang together: the model is wrong for a time.
+    Wandering {
+        /// What was found.
+        found: ResidualCorrelation,
+    },
     /// The search ended before it was at a minimum.
     NotConverged {
         /// Description of what did not settle.
@@ -270,6 +278,18 @@ impl fmt::Display for Warning {
                 "the residuals are {:.2} times as large as the stated noise (reduced chi-square {reduced_chi2:.2}): intervals are widened by that, and hold only if what is missing in the model is random",
                 reduced_chi2.sqrt()
             ),
+            Self::Wandering { found } => write!(
+                f,
+                "residuals hang together over {:.3} s ({:.1} samples): the model is wrong for a time, by {:.1} % of the light{}; intervals are widened for that",
+                found.time_s,
+                found.samples,
+                100.0 * found.model_error,
+                match found.in_common {
+                    part if part > 0.75 => ", in all channels alike",
+                    part if part < 0.25 => ", in each channel otherwise",
+                    _ => ", in part in all channels alike",
+                }
+            ),
             Self::NotConverged { why } => write!(f, "the fit did not converge: {why}"),
         }
     }
@@ -314,6 +334,8 @@ pub struct Fit {
     pub reduced_chi2: f64,
     /// Factor by which the covariance of the stated noise was multiplied.
     pub scaled_by: f64,
+    /// Residuals that hang together in time, for which intervals were widened ([`Fit::widen_for_correlation`]); `None` where they do not, or nobody looked.
+    pub correlation: Option<ResidualCorrelation>,
     /// The loss.
     pub loss: Loss,
     /// Whether the minimum was reached.

@@ -521,7 +521,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The same by the samples' own noise alone.
-    fn whitened_alone(&self, values: &PerSample) -> DVector<f64> {
+    pub fn whitened_alone(&self, values: &PerSample) -> DVector<f64> {
         let mut white = DVector::zeros(self.rows());
         let mut buffer = Vec::new();
         for epoch in &self.whitener.epochs {

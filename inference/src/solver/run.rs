@@ -478,13 +478,18 @@ fn common_pulls(data: &[Data], rates: &PerSample) -> PerSample {
     data.iter().zip(rates).map(one).collect()
 }
 
+/// The mean of ψ' over residuals over the noise of single samples.
+fn mean_slope(pulls: &[f64], loss: Loss) -> f64 {
+    let spread = spread(pulls.iter().copied());
+    pulls.iter().map(|p| loss.slope(p / spread)).sum::<f64>() / pulls.len() as f64
+}
+
 /// Σψ²/(n−p) over the square of the mean of ψ', of residuals over the noise of single samples.
 fn m_factor(pulls: &[f64], loss: Loss, freedom: usize) -> f64 {
     let spread = spread(pulls.iter().copied());
     let all = || pulls.iter().map(|p| p / spread);
     let psi2: f64 = all().map(|u| (u * loss.weight(u)).powi(2)).sum();
-    let slope: f64 = all().map(|u| loss.slope(u)).sum::<f64>() / pulls.len() as f64;
-    spread * spread * psi2 / freedom as f64 / (slope * slope)
+    spread * spread * psi2 / freedom as f64 / mean_slope(pulls, loss).powi(2)
 }
 
 /// Whether two minima differ in nothing but parameters that the data do not determine, alone or in a combination that is named: they are one.
@@ -564,6 +569,7 @@ fn finish(
     let degrees_of_freedom = freedom(&problem);
     let reduced_chi2 = chi2 / degrees_of_freedom as f64;
     let pulls = pulls(data, &state.rates);
+    let mut slope = 1.0;
     let factor = match &kept {
         None => reduced_chi2,
         Some(kept) => {
@@ -571,6 +577,7 @@ fn finish(
             let each = judged.iter().flatten().zip(kept.iter().flatten());
             let counts = |(j, kept): (&Judged, &f64)| (*kept > 0.0).then_some(j.pull);
             let counted: Vec<f64> = each.filter_map(counts).collect();
+            slope = mean_slope(&counted, loss);
             m_factor(&counted, loss, degrees_of_freedom)
         }
     };
@@ -581,9 +588,18 @@ fn finish(
     }
     let alike = problem.evaluate(&values)?;
     let solution = State { x: state.x, residual, rates: state.rates, ..alike };
+    let influence = {
+        let mut left = problem.left(&solution.rates);
+        for (left, weights) in left.iter_mut().zip(weights.iter().flatten()) {
+            *left *= weights;
+        }
+        problem.whitened_alone(&left) / slope
+    };
     let known = match options.purpose {
-        Purpose::Answer => estimate(&mut problem, &values, &solution, scaled_by, true)?,
-        Purpose::Covariance => estimate(&mut problem, &values, &solution, scaled_by, false)?,
+        Purpose::Answer => estimate(&mut problem, &values, &solution, scaled_by, true, &influence)?,
+        Purpose::Covariance => {
+            estimate(&mut problem, &values, &solution, scaled_by, false, &influence)?
+        }
         Purpose::Values | Purpose::Start => values_alone(&problem, &values, &solution),
     };
 
@@ -643,6 +659,7 @@ fn finish(
         degrees_of_freedom,
         reduced_chi2,
         scaled_by,
+        correlation: None,
         loss,
         converged: settled && best.converged,
         minima,

@@ -31,12 +31,12 @@ impl Model for Fixed {
     }
 }
 
-fn linear(component: usize, channels: Vec<usize>) -> Linear {
+pub(super) fn linear(component: usize, channels: Vec<usize>) -> Linear {
     let name = format!("x{component}{channels:?}");
     Linear { name, component, channels, curves: None, unit: 1.0, most: None, prior: None }
 }
 
-const PLAIN: Options = Options {
+pub(super) const PLAIN: Options = Options {
     loss: Loss::Squares,
     places: 0,
     starts: 0,

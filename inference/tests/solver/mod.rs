@@ -8,6 +8,7 @@ mod minima;
 mod night;
 mod sphere;
 mod thinned;
+mod wandering;
 
 /// P(at most `hits` of n at 0.95 each), and P(at least).
 fn binomial(hits: u64, n: u64) -> (f64, f64) {

@@ -1,6 +1,7 @@
-//! Common parts of the workspace's tests: skips that are counted, the Python of the peer programs, campaigns, and the folders.
+//! Common parts of the workspace's tests: skips that are counted, the Python of the peer programs, campaigns and how often their intervals held, and the folders.
 
 mod campaign;
+pub mod coverage;
 mod fuzz;
 mod namespace;
 mod rows;
