@@ -58,7 +58,11 @@ fn off_arcsec(solved: &Solved, entry: &Value) -> f64 {
 fn judge(solved: Option<&Solved>, entry: &Value) -> f64 {
     let Some(solved) = solved else { return 0.0 };
     let off = off_arcsec(solved, entry);
-    let turned = (solved.up_deg - entry["up"].as_f64().unwrap() + 540.0).rem_euclid(360.0) - 180.0;
+    // North itself turns between the two middles, by much near a pole: the convergence of the meridians.
+    let [ra, dec] = solved.centre_deg.to_array();
+    let east = (ra - entry["centre_deg"][0].as_f64().unwrap() + 540.0).rem_euclid(360.0) - 180.0;
+    let up = entry["up"].as_f64().unwrap() + east * dec.to_radians().sin();
+    let turned = (solved.up_deg - up + 540.0).rem_euclid(360.0) - 180.0;
     let width = solved.size_deg[0] / entry["width_deg"].as_f64().unwrap() - 1.0;
     let is_mirrored = entry["mirrored"].as_bool().unwrap();
     let same = off < 20.0 * solved.scale_arcsec
