@@ -4,7 +4,7 @@ use super::fit::{abg, beckmann, ggx};
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use sunglint_formats::{fred, zemax};
 use sunglint_materials::exchange::{self, Exchange};
@@ -17,7 +17,7 @@ use sunglint_materials::ingest::once;
 use sunglint_materials::read;
 use sunglint_materials::samples::{Sample, Samples, direction, turned};
 use sunglint_numerics::progress::Silent;
-use sunglint_testkit::{shared, skip};
+use sunglint_testkit::{Campaign, shared, skip};
 
 type Truth<'a> = &'a dyn Fn(DVec3, DVec3) -> f64;
 
@@ -596,78 +596,203 @@ fn files_that_mean_something_else_are_noticed() {
 /// BRDF of two unit vectors, sr⁻¹.
 type Value = Box<dyn Fn(DVec3, DVec3) -> f64>;
 
-/// Truth: closed forms written from the papers, errors of 1 to 5 %, of surfaces of one lobe and Lambert light and of two lobes, one of each kind (some 15 s of CPU each). The stated
-/// 95 % intervals hold the parameters as often as a binomial's three standard deviations allow; the simplest true recipe is chosen in three of four; nothing is NaN.
+/// A made-up surface: its recipe, its BRDF, and its numbers in the order of the recipe.
+fn made_up(seed: u64) -> (Recipe, Value, Vec<f64>, f64) {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(7000 + seed);
+    let mut from = |a: f64, b: f64| a * (b / a).powf(rng.random::<f64>());
+    let noise = from(0.01, 0.05);
+    let (alpha, wide) = (from(0.04, 0.12), from(0.25, 0.5));
+    let (s1, s2, rho) = (from(0.1, 0.5), from(0.1, 0.4), from(0.02, 0.3));
+    let normal = from(0.04, 0.2);
+    let (truth, f, p): (Recipe, Value, Vec<f64>) = match seed % 6 {
+        0 => (
+            recipe(&[Kind::Ggx], Floor::Lambert),
+            Box::new(ggx(s1, alpha, alpha, false, rho)),
+            vec![s1, alpha, rho],
+        ),
+        1 => (
+            recipe(&[Kind::Beckmann], Floor::Lambert),
+            Box::new(beckmann(s1, alpha, rho)),
+            vec![s1, alpha, rho],
+        ),
+        2 => {
+            let (b, g) = (alpha * alpha, 2.0 + 0.5 * s2);
+            let a = 0.05 * s1;
+            // A share is what the lobe reflects at normal incidence: midpoints in ln x.
+            let steps = 20_000;
+            let share: f64 = (0..steps)
+                .map(|k| {
+                    let x = (-20.0 * (f64::from(k) + 0.5) / f64::from(steps)).exp();
+                    20.0 / f64::from(steps) * x * TAU * x * a / (b + x.powf(g))
+                })
+                .sum();
+            (
+                recipe(&[Kind::Abg], Floor::Lambert),
+                Box::new(abg(a, b, g, rho)),
+                vec![share, b, g, rho],
+            )
+        }
+        3 => {
+            let one = ggx(s1, alpha, alpha, false, 0.0);
+            let other = ggx(s2, wide, wide, false, 0.0);
+            (
+                recipe(&[Kind::Ggx, Kind::Ggx], Floor::None),
+                Box::new(move |i, o| one(i, o) + other(i, o)),
+                vec![s1, alpha, s2, wide],
+            )
+        }
+        4 => {
+            let (one, other) = (beckmann(s1, alpha, 0.0), ggx(s2, wide, wide, false, 0.0));
+            (
+                recipe(&[Kind::Beckmann, Kind::Ggx], Floor::None),
+                Box::new(move |i, o| one(i, o) + other(i, o)),
+                vec![s1, alpha, s2, wide],
+            )
+        }
+        _ => (
+            Recipe { rise: Rise::Schlick, ..recipe(&[Kind::Ggx], Floor::Lambert) },
+            Box::new(ggx(normal, alpha, alpha, true, rho)),
+            vec![normal, 1.0, alpha, rho],
+        ),
+    };
+    (truth, f, p, noise)
+}
+
+/// Columns: the kind of surface, noise, whether the simplest true recipe was chosen, numbers with an interval, those that it holds, numbers that are none, the errors of ln over their stated
+/// standard deviations, and seconds of the processor.
+const MADE_UP: [&str; 12] = [
+    "kind", "noise", "chosen", "numbers", "inside", "nan", "z1", "z2", "z3", "z4", "values",
+    "cpu_s",
+];
+
+/// Truth: closed forms written from the papers, errors of 1 to 5 %, of surfaces of one lobe and Lambert light (GGX, Beckmann, ABg, GGX with Schlick's rise) and of two lobes.
+///
+/// Asked: the stated 95 % intervals hold 92 to 98 % of the numbers, the simplest true recipe is chosen in 90 %, nothing is NaN. Of a part: as many held as a binomial's three standard deviations allow.
 #[test]
-fn made_up_surfaces_are_found() {
-    let (mut inside, mut all, mut chosen, mut count) = (0_u32, 0_u32, 0_u32, 0_u32);
-    for seed in 0..4_u64 {
-        let mut rng = Xoshiro256PlusPlus::seed_from_u64(7000 + seed);
-        let mut from = |a: f64, b: f64| a * (b / a).powf(rng.random::<f64>());
-        let noise = from(0.01, 0.05);
-        let (alpha, wide) = (from(0.04, 0.12), from(0.25, 0.5));
-        let (s1, s2, rho) = (from(0.1, 0.5), from(0.1, 0.4), from(0.02, 0.3));
-        let (truth, f, p): (Recipe, Value, Vec<f64>) = match seed % 4 {
-            0 => (
-                recipe(&[Kind::Ggx], Floor::Lambert),
-                Box::new(ggx(s1, alpha, alpha, false, rho)),
-                vec![s1, alpha, rho],
-            ),
-            1 => (
-                recipe(&[Kind::Beckmann], Floor::Lambert),
-                Box::new(beckmann(s1, alpha, rho)),
-                vec![s1, alpha, rho],
-            ),
-            2 => {
-                let (b, g) = (alpha * alpha, 2.0 + 0.5 * s2);
-                let a = 0.05 * s1;
-                (
-                    recipe(&[Kind::Abg], Floor::Lambert),
-                    Box::new(abg(a, b, g, rho)),
-                    vec![f64::NAN, b, g, rho],
-                )
-            }
-            _ => {
-                let (one, other) =
-                    (ggx(s1, alpha, alpha, false, 0.0), ggx(s2, wide, wide, false, 0.0));
-                (
-                    recipe(&[Kind::Ggx, Kind::Ggx], Floor::None),
-                    Box::new(move |i, o| one(i, o) + other(i, o)),
-                    vec![s1, alpha, s2, wide],
-                )
-            }
-        };
+fn campaign_made_up_surfaces() {
+    let mut campaign = Campaign::in_shards("made_up_surfaces", 200, 4, &MADE_UP);
+    for seed in campaign.seeds() {
+        let (truth, f, p, noise) = made_up(seed);
         let samples = table(&*f, &[10.0, 30.0, 50.0, 65.0], &[180.0, 90.0, 150.0], noise, seed);
         let mut options = pointwise();
         options.most_lobes = 2;
-        let found = fit_surface(&samples, &options, &Silent).unwrap();
-        count += 1;
-        chosen += u32::from(found.recipe == truth);
-        if found.recipe != truth {
-            eprintln!("{seed}: {} for {}: {:?}", found.name, truth.name(), &found.tried[..3]);
+        let before = sunglint_testkit::cpu_s();
+        let mut found = fit_surface(&samples, &options, &Silent).unwrap();
+        let cpu_s = sunglint_testkit::cpu_s() - before;
+        let chosen = found.recipe == truth;
+        if !chosen {
+            println!("{seed}: {} for {}: {:?}", found.name, truth.name(), &found.tried[..4]);
+            options.recipes = vec![truth];
+            found = fit_surface(&samples, &options, &Silent).unwrap();
         }
-        options.recipes = vec![truth];
-        let own = fit_surface(&samples, &options, &Silent).unwrap();
-        assert!(own.numbers.iter().all(|n| n.value.is_finite()));
-        let mut values: Vec<_> = own.numbers.iter().map(|n| (n.value, n.interval)).collect();
-        if own.recipe.lobes.len() == 2 && values[1].0 > values[3].0 {
-            values.rotate_left(2);
+        let mut numbers = found.numbers.clone();
+        // Lobes of one kind have no order.
+        if seed % 6 == 3 && numbers[1].value > numbers[3].value {
+            numbers.rotate_left(2);
         }
-        for ((_, interval), truth) in values.iter().zip(&p) {
-            if truth.is_nan() {
-                continue;
-            }
-            let Some(interval) = interval else { continue };
-            assert!(interval.low.is_finite() && interval.high.is_finite());
-            all += 1;
-            inside += u32::from(interval.contains(*truth));
+        let is = |holds: bool| f64::from(u8::from(holds));
+        let mut row = [f64::NAN; MADE_UP.len()];
+        (row[0], row[1], row[2]) = ((seed % 6) as f64, noise, is(chosen));
+        (row[3], row[4], row[5]) = (0.0, 0.0, 0.0);
+        for (k, (number, truth)) in numbers.iter().zip(&p).enumerate() {
+            row[5] += is(!number.value.is_finite() || number.sigma_ln.is_some_and(f64::is_nan));
+            let Some((interval, sigma)) = number.interval.zip(number.sigma_ln) else { continue };
+            row[5] += is(!(interval.low.is_finite() && interval.high.is_finite()));
+            row[3] += 1.0;
+            row[4] += is(interval.contains(*truth));
+            row[6 + k] = (number.value / truth).ln() / sigma;
         }
+        (row[10], row[11]) = (found.independent_values, cpu_s);
+        println!("seed {seed}: {row:.3?}");
+        campaign.keep(seed, &row);
     }
-    let share = f64::from(inside) / f64::from(all);
-    eprintln!("inside {inside} of {all} ({share:.3}), chosen {chosen} of {count}");
-    let room = 3.0 * (0.05 * 0.95 / f64::from(all)).sqrt();
-    assert!(share >= 0.95 - room, "{share}");
-    assert!(4 * chosen >= 3 * count, "{chosen} of {count}");
+    let sum = |name: &str| campaign.column(name).iter().sum::<f64>();
+    let surfaces = campaign.column("kind").len() as f64;
+    let (numbers, inside, chosen) = (sum("numbers"), sum("inside"), sum("chosen"));
+    let squares = ["z1", "z2", "z3", "z4"].map(|z| campaign.column(z)).concat();
+    let squares: Vec<f64> = squares.iter().filter(|z| z.is_finite()).map(|z| z * z).collect();
+    let width = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    println!(
+        "{inside} of {numbers} inside, errors {width:.3} σ rms, {chosen} of {surfaces} chosen"
+    );
+    let nan = sum("nan");
+    assert_eq!(nan, 0.0);
+    let share = inside / numbers;
+    if campaign.is_whole() {
+        assert!((0.92..=0.98).contains(&share) && chosen >= 0.9 * surfaces, "{share} {chosen}");
+    } else {
+        let room = 3.0 * (0.05 * 0.95 / numbers).sqrt();
+        assert!(share >= 0.95 - room && chosen >= surfaces - 1.0, "{share} {chosen}");
+    }
+    campaign.largest("numbers_with_an_interval", numbers);
+    campaign.largest("outside_95_percent", numbers - inside);
+    campaign.largest("another_recipe", surfaces - chosen);
+    campaign.largest("not_a_number", nan);
+    campaign.finish();
+}
+
+/// GGX's lobe of a dielectric and Lambert light, lit by light of which a share is polarised in the plane of incidence and the rest across it: the field's components in and across each facet's own plane of
+/// incidence, with Fresnel's amplitudes by Snell's law.
+fn in_polarised_light(n: f64, alpha: f64, rho: f64, in_plane: f64) -> impl Fn(DVec3, DVec3) -> f64 {
+    let lobe = ggx(1.0, alpha, alpha, false, 0.0);
+    move |i, o| {
+        let h = (i + o).normalize();
+        let cos = i.dot(h);
+        let inside = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
+        let r_s = (cos - n * inside) / (cos + n * inside);
+        let r_p = (n * cos - inside) / (n * cos + inside);
+        let s = i.cross(h).normalize();
+        let p = s.cross(i);
+        let across = DVec3::Z.cross(i).normalize();
+        let along = across.cross(i);
+        let of = |field: DVec3| (r_s * field.dot(s)).powi(2) + (r_p * field.dot(p)).powi(2);
+        lobe(i, o) * (in_plane * of(along) + (1.0 - in_plane) * of(across)) + rho / PI
+    }
+}
+
+/// Truth: Fresnel's amplitudes for the field on each facet, 2 % noise. A laser's light, most of it polarised in the plane of incidence: the share, the index, the roughness are in their intervals
+/// (of four standard deviations), and the material is the one in light without polarisation to 3 %, where what is measured is up to 1.4 times that. Without polarisation none is found; samples in
+/// the plane of incidence do not tell it.
+#[test]
+fn polarised_light_is_told_from_the_surface() {
+    let (n, alpha, rho) = (1.5, 0.25, 0.03);
+    let plain = in_polarised_light(n, alpha, rho, 0.5);
+    let mut options = pointwise();
+    options.most_lobes = 1;
+    let incidences = [10.0, 30.0, 50.0, 70.0];
+    for in_plane in [0.85, 0.5] {
+        let law = in_polarised_light(n, alpha, rho, in_plane);
+        let samples = table(&law, &incidences, &[180.0, 90.0, 135.0], 0.02, 4);
+        let found = fit_surface(&samples, &options, &Silent).unwrap();
+        show(&found);
+        let rise = if in_plane == 0.5 { Rise::Dielectric } else { Rise::Polarised };
+        assert_eq!(found.recipe, Recipe { rise, ..recipe(&[Kind::Ggx], Floor::Lambert) });
+        let truth = |name: &str| match name {
+            "n" => n,
+            "alpha" => alpha,
+            "diffuse" => rho,
+            "in_plane_share" => in_plane,
+            _ => 1.0,
+        };
+        for number in &found.numbers {
+            // The index beyond 1, which is what is reflected, is not a logarithm's own.
+            let off = (number.value / truth(number.name)).ln() / number.sigma_ln.unwrap();
+            assert!(off.abs() < 4.0, "{number:?}");
+        }
+        let material = found.surface.material("plain").unwrap();
+        let mut apart = 1.0_f64;
+        for (a, b, phi) in [(20.0, 60.0, 180.0), (50.0, 60.0, 90.0), (60.0, 60.0, 150.0)] {
+            let (i, o) = (direction(a, 0.0), direction(b, phi));
+            let ratio = material.brdf(600.0, i, o) / plain(i, o);
+            assert!((ratio - 1.0).abs() < 0.03, "{a} {b} {phi}: {ratio}");
+            apart = apart.max((law(i, o) / plain(i, o)).ln().abs().exp());
+        }
+        assert!(in_plane == 0.5 || apart > 1.4, "{apart}");
+    }
+    let law = in_polarised_light(n, alpha, rho, 0.85);
+    let samples = table(&law, &incidences, &[180.0], 0.02, 4);
+    let found = fit_surface(&samples, &options, &Silent).unwrap();
+    assert!(found.tried.iter().all(|t| !t.recipe.contains("polarised")), "{}", found.name);
 }
 
 fn real(file: &str) -> Option<PathBuf> {
@@ -689,15 +814,15 @@ fn regions_without_samples_are_doubtful() {
     assert!(part.doubt.wings_ln < 0.5, "{:?}", part.doubt);
 }
 
-/// Truth: the measured values. Solar array and chassis of a Starlink satellite (532 nm) and a black coat (650 nm); the figures are those that the issue asks for, the black coat's
-/// misfit of 0.10 is missed by a tenth.
+/// Truth: the measured values. Solar array and chassis of a Starlink satellite (532 nm) and a black coat (650 nm); the figures are those that
+/// the issue asks for.
 #[test]
 fn real_surfaces_are_fitted() {
     let name = "real_surfaces_are_fitted";
     for (file, nm, most_rms) in [
         ("starlink_solar_array_brdf_532nm.csv", None, 0.24),
         ("starlink_chassis_brdf_532nm.csv", None, 0.25),
-        ("fred_zemax/AnoBlackEC1onAlum.fred.txt", Some(650.0), 0.115),
+        ("fred_zemax/AnoBlackEC1onAlum.fred.txt", Some(650.0), 0.10),
     ] {
         let Some(path) = real(file) else {
             return skip(name, "no shared/real beside the checkout");
@@ -746,8 +871,29 @@ fn real_surfaces_are_fitted() {
             let (i, o) = (direction(a, 0.0), direction(b, phi));
             let (there, back) = (material.brdf(600.0, i, o), material.brdf(600.0, o, i));
             assert!((there / back - 1.0).abs() < 1e-12, "{there} {back}");
+            // What is seen in polarised light is another.
             let law = found.seen(i, o, &Cone { detector_deg: 0.0, source_deg: 0.0 });
-            assert!((there / law - 1.0).abs() < 1e-9, "{there} {law}");
+            let is_plain = found.recipe.rise != Rise::Polarised;
+            assert!(!is_plain || (there / law - 1.0).abs() < 1e-9, "{there} {law}");
+        }
+    }
+}
+
+/// Truth: the measured values of two tables of Zemax: the black coat again, and brown vinyl; the figures of docs/lab-laws.md, rounded up.
+#[test]
+fn tables_of_zemax_are_fitted() {
+    for (file, most_rms) in [("AnoBlackEC1onAlum", 0.12), ("BrownVinyl", 0.23)] {
+        let Some(path) = real(&format!("fred_zemax/{file}.zemax.bsdf")) else {
+            return skip("tables_of_zemax_are_fitted", "no shared/real beside the checkout");
+        };
+        let (samples, _) = read::samples(&path, Some(650.0)).unwrap();
+        let found = fit_surface(&samples, &SurfaceOptions::default(), &Silent).unwrap();
+        eprintln!("{file} {:?}", found.numbers);
+        show(&found);
+        assert!(found.rms_ln.all <= most_rms, "{file}: {}", found.rms_ln.all);
+        for i in &found.incidences {
+            assert!((i.hemispherical_ratio - 1.0).abs() <= 0.10, "{file}: {i:?}");
+            assert!((i.peak.unwrap().ratio - 1.0).abs() <= 0.25, "{file}: {i:?}");
         }
     }
 }

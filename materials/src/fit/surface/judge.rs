@@ -1,14 +1,17 @@
 //! Measured quantities at each incidence, and the misfit of a surface to them.
 
 use super::hemisphere::{self, Hemisphere};
-use super::model::{Cone, Recipe, Surface, disc};
+use super::model::{Cone, Recipe, Seen, Surface, disc};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
+use std::cell::RefCell;
 use std::convert::Infallible;
+use std::rc::Rc;
 use sunglint_numerics::least_squares::{
     Bounded, Differences, Limits, Minimum, Residuals, minimise_residuals,
 };
 use sunglint_numerics::order::robust_sigma;
+use sunglint_simulator::surface::Shape;
 
 /// Weights of ln(hemispherical) and ln(peak) of an incidence beside the mean square of ln f, as their square roots, in units of the typical misfit of ln f: a surface that can be
 /// described to 10 % is not bent for the sake of a peak as one that can be described to 25 % is.
@@ -28,6 +31,8 @@ const MOST_ALBEDO: f64 = 0.998;
 const BLURRED: f64 = 12.0;
 /// Residuals on one side of the mirrored direction that differ from those on the other by more than this, in standard deviations, count less.
 const OUTLYING: f64 = 3.0;
+/// Direction cosine from which a direction is well out of a plane.
+const OUT_OF_PLANE: f64 = 0.1;
 /// Least, which no logarithm is taken of.
 const LEAST: f64 = 1e-300;
 
@@ -151,6 +156,12 @@ impl Incidence {
         Self::new(self.theta_i_deg, self.i, rows.collect(), cone, self.equal_per_sr)
     }
 
+    /// Whether a tenth of its samples lies well out of the plane of incidence, of which there is one.
+    pub fn is_out_of_plane(&self) -> bool {
+        let out = self.o.iter().filter(|o| o.y.abs() > OUT_OF_PLANE).count();
+        self.i.x.abs() > OUT_OF_PLANE && 10 * out >= self.o.len()
+    }
+
     pub fn seen(&self, surface: &Surface, blur2: f64) -> Vec<f64> {
         let at = |k: usize| surface.seen(self.i, self.o[k], &self.disc[k], blur2);
         (0..self.o.len()).map(at).collect()
@@ -211,6 +222,85 @@ pub(super) struct Judge<'a> {
     /// The typical misfit of ln f.
     pub misfit: f64,
     cosines: Vec<f64>,
+    rays: Rays,
+    /// What was seen at the numbers that were asked for last.
+    last: RefCell<(Vec<f64>, Vec<f64>)>,
+}
+
+/// A direction of light, one of the detector, and how much the light between them counts in a sample.
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    i: DVec3,
+    o: DVec3,
+    weight: f64,
+}
+
+/// All rays, and what was last evaluated for them: a fit changes one number at a time, on which most of the parts do not depend.
+struct Rays {
+    all: Vec<Ray>,
+    /// The rays of each sample: from its number to the next.
+    from: Vec<usize>,
+    known: RefCell<Vec<(Factor, Rc<Vec<f64>>)>>,
+}
+
+/// A factor of f that depends on directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Factor {
+    Lobe(Shape),
+    Fresnel(Seen),
+}
+
+/// Factors that are kept: those of a surface of three lobes and of a number beside each.
+const KEPT: usize = 8;
+
+impl Rays {
+    fn new(incidences: &[&Incidence]) -> Self {
+        let (mut all, mut from) = (Vec::new(), vec![0]);
+        for incidence in incidences {
+            let i = incidence.i;
+            for (o, disc) in incidence.o.iter().zip(&incidence.disc) {
+                if disc.is_empty() {
+                    all.push(Ray { i, o: *o, weight: 1.0 });
+                }
+                let through = disc.iter().map(|(d, w)| Ray { i, o: *d, weight: w * d.z / o.z });
+                all.extend(through);
+                from.push(all.len());
+            }
+        }
+        Self { all, from, known: RefCell::default() }
+    }
+
+    fn values(&self, factor: Factor) -> Rc<Vec<f64>> {
+        let mut known = self.known.borrow_mut();
+        if let Some(at) = known.iter().position(|k| k.0 == factor) {
+            // The one that was used last stands first.
+            known[..=at].rotate_right(1);
+            return Rc::clone(&known[0].1);
+        }
+        let values = self.all.iter().map(|ray| match factor {
+            Factor::Lobe(shape) => ray.weight * shape.value(ray.i, ray.o),
+            Factor::Fresnel(seen) => seen.at(ray.i, ray.o),
+        });
+        let values = Rc::new(values.collect());
+        known.truncate(KEPT - 1);
+        known.insert(0, (factor, Rc::clone(&values)));
+        values
+    }
+
+    /// Returns the light of the lobes in each sample, through the instrument's disc; of one of them alone where it is said which.
+    fn lobes(&self, surface: &Surface, alone: Option<usize>) -> Vec<f64> {
+        let mut sum = vec![0.0; self.all.len()];
+        let lobes = surface.shapes().enumerate().filter(|(k, _)| alone.is_none_or(|a| a == *k));
+        for (_, (shape, scale)) in lobes {
+            let values = self.values(Factor::Lobe(shape));
+            sum.iter_mut().zip(values.iter()).for_each(|(s, v)| *s += scale * v);
+        }
+        if !sum.is_empty() && surface.shapes().next().is_some() {
+            let fresnel = self.values(Factor::Fresnel(surface.fresnel()));
+            sum.iter_mut().zip(fresnel.iter()).for_each(|(s, f)| *s *= f);
+        }
+        self.from.windows(2).map(|w| sum[w[0]..w[1]].iter().sum()).collect()
+    }
 }
 
 /// Where a search ended.
@@ -234,6 +324,8 @@ impl<'a> Judge<'a> {
         let mut cosines = COSINES.to_vec();
         cosines.extend(incidences.iter().map(|i| i.i.z));
         Self {
+            rays: Rays::new(&incidences),
+            last: RefCell::default(),
             recipe,
             incidences,
             weight: vec![1.0; count],
@@ -263,12 +355,25 @@ impl<'a> Judge<'a> {
         ranges.iter().map(bounded).collect()
     }
 
+    /// f as the instrument sees it, of all samples: as [`Incidence::seen`].
+    fn seen(&self, surface: &Surface) -> Vec<f64> {
+        let mut seen = self.rays.lobes(surface, None);
+        let directions = self.incidences.iter().flat_map(|i| i.o.iter().map(|o| (i.i, *o)));
+        for (seen, (i, o)) in seen.iter_mut().zip(directions) {
+            *seen += surface.others(i, o, self.blur2);
+        }
+        seen
+    }
+
     /// ln f measured − ln f seen, over its unit, of all samples.
     pub fn samples(&self, surface: &Surface) -> Vec<f64> {
         let mut all = Vec::with_capacity(self.count());
+        let seen = self.seen(surface);
+        let mut seen = seen.as_slice();
         for incidence in &self.incidences {
-            let seen = incidence.seen(surface, self.blur2);
-            for (k, seen) in seen.iter().enumerate() {
+            let (here, rest) = seen.split_at(incidence.ln.len());
+            seen = rest;
+            for (k, seen) in here.iter().enumerate() {
                 all.push((incidence.ln[k] - incidence.scaled(*seen)) / incidence.unit[k]);
             }
         }
@@ -281,14 +386,15 @@ impl<'a> Judge<'a> {
         let mut rows = Vec::with_capacity(self.count() + 3 * self.incidences.len() + 16);
         let mut at = 0;
         let mut figures = Vec::new();
+        let all_seen = self.seen(&surface);
         for incidence in &self.incidences {
-            let seen = incidence.seen(&surface, self.blur2);
+            let seen = &all_seen[at..at + incidence.ln.len()];
             for (k, seen) in seen.iter().enumerate() {
                 let r = (incidence.ln[k] - incidence.scaled(*seen)) / incidence.unit[k];
                 rows.push(r * self.weight[at].sqrt());
                 at += 1;
             }
-            let (hemispherical, peak) = incidence.ratios(&seen);
+            let (hemispherical, peak) = incidence.ratios(seen);
             let weight = count.sqrt() * self.misfit * incidence.trust;
             figures.push(-HEMISPHERICAL * weight * hemispherical.max(LEAST).ln());
             if let Some(peak) = peak {
@@ -303,7 +409,49 @@ impl<'a> Judge<'a> {
                 rows.extend(all.iter().map(|a| energy * (a / MOST_ALBEDO).max(1.0).ln()));
             }
         }
+        self.last.replace((x.to_vec(), all_seen));
         DVector::from_vec(rows)
+    }
+
+    /// Returns the derivative of [`Self::rows`] by the logarithm of what stands before a part: the part's own light in what is seen. None of other numbers, and where energy holds.
+    fn by_strength(&self, x: &[f64], number: usize) -> Option<DVector<f64>> {
+        let surface = self.surface(x);
+        let range = *self.recipe.ranges().get(number)?;
+        if !matches!(range.key, "share" | "mirror_share" | "diffuse") || surface.is_bright() {
+            return None;
+        }
+        if self.last.borrow().0 != x {
+            let seen = self.seen(&surface);
+            self.last.replace((x.to_vec(), seen));
+        }
+        let last = self.last.borrow();
+        let directions = || self.incidences.iter().flat_map(|i| i.o.iter().map(|o| (i.i, *o)));
+        let part: Vec<f64> = match range.key {
+            "share" => self.rays.lobes(&surface, range.lobe.checked_sub(1)),
+            "diffuse" => directions().map(|(i, o)| surface.broad(i.z, o.z)).collect(),
+            _ => directions().map(|(i, o)| surface.mirrored(i, o, self.blur2)).collect(),
+        };
+        let count = self.count() as f64;
+        let (mut rows, mut figures, mut at) = (Vec::new(), Vec::new(), 0);
+        for incidence in &self.incidences {
+            let n = incidence.ln.len();
+            let (seen, part) = (&last.1[at..at + n], &part[at..at + n]);
+            let moved = |k: usize| part[k] / seen[k].hypot(incidence.equal_per_sr).max(LEAST);
+            for k in 0..n {
+                rows.push(-moved(k) / incidence.unit[k] * self.weight[at + k].sqrt());
+            }
+            let weight = count.sqrt() * self.misfit * incidence.trust;
+            let of = |values: &[f64]| incidence.hemisphere.of(values);
+            figures.push(-HEMISPHERICAL * weight * of(part) / of(seen).max(LEAST));
+            if !incidence.peak.is_empty() {
+                let sum: f64 = incidence.peak.iter().map(|k| moved(*k)).sum();
+                figures.push(-PEAK * weight * sum / incidence.peak.len() as f64);
+            }
+            at += n;
+        }
+        rows.extend(figures);
+        rows.extend(std::iter::repeat_n(0.0, self.cosines.len()));
+        Some(DVector::from_vec(rows))
     }
 
     /// Returns the cost of an incidence's hemispherical reflectance and peak, to be added to the mean square of ln f.
@@ -315,9 +463,10 @@ impl<'a> Judge<'a> {
             + peak.map_or(0.0, |p| (PEAK * weight * ln(p)).powi(2))
     }
 
-    pub fn solve(&mut self, start: &[f64], steps: usize) -> Found {
+    /// Goes down from a start, in so many steps or until one gains less than that part of the cost.
+    pub fn solve(&mut self, start: &[f64], (steps, gain): (usize, f64)) -> Found {
         let bounds = self.bounds();
-        let limits = Limits { steps, gain: 1e-9, step: 1e-8 };
+        let limits = Limits { steps, gain, step: 1e-8 };
         let count = self.count() as f64;
         let Ok(Minimum { place, .. }) =
             minimise_residuals(self, &bounds, start, Differences::OneSided, &limits);
@@ -426,5 +575,13 @@ impl Residuals for Judge<'_> {
 
     fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, Infallible> {
         Ok(self.rows(at))
+    }
+
+    fn derivative(
+        &mut self,
+        at: &[f64],
+        number: usize,
+    ) -> Result<Option<DVector<f64>>, Infallible> {
+        Ok(self.by_strength(at, number))
     }
 }

@@ -492,6 +492,12 @@ pub fn fit_surface(
     let with = (&cone, search::MISFIT);
     progress.begin("surfaces of up to two lobes", Some(recipes.len() as u64));
     let mut candidates = search::all(&recipes, &few, with, &|| progress.advance(1));
+    if options.recipes.is_empty() && incidences.iter().any(Incidence::is_out_of_plane) {
+        let more = search::polarised(&candidates);
+        progress.begin("surfaces in polarised light", Some(more.len() as u64));
+        candidates.extend(search::all(&more, &few, with, &|| progress.advance(1)));
+        candidates.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
+    }
     if options.recipes.is_empty() && options.most_lobes > 2 {
         let more = three_lobes(&candidates);
         progress.begin("surfaces of three lobes", Some(more.len() as u64));
@@ -541,7 +547,8 @@ pub fn fit_surface(
         (key(a), a.cost).partial_cmp(&(key(b), b.cost)).unwrap_or(std::cmp::Ordering::Equal)
     });
     tried.insert(0, first);
-    let candidate = candidates.swap_remove(chosen);
+    let mut candidate = candidates.swap_remove(chosen);
+    search::to_the_end(&mut candidate, &refs, (&cone, misfit));
     finish(samples, column, &candidate, &incidences, left_out, tried, (&cone, misfit))
 }
 

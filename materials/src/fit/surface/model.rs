@@ -36,6 +36,9 @@ pub enum Rise {
     Schlick,
     /// Fresnel's equations of a dielectric.
     Dielectric,
+    /// The same, measured with light that was partly polarised in the plane of incidence or across it, as a laser's is. Out of that plane facets have planes of incidence of their own, so
+    /// that the lobe is another than in light without polarisation; the material is the one in such light.
+    Polarised,
 }
 
 /// Diffuse light.
@@ -119,8 +122,30 @@ impl Recipe {
             Rise::Constant => "",
             Rise::Schlick => ", schlick",
             Rise::Dielectric => ", dielectric",
+            Rise::Polarised => ", dielectric in polarised light",
         };
         format!("{}{rise}", parts.join("+"))
+    }
+
+    /// Whether this is `whole` without one part: the number of the lobe that it lacks, from 1, or 0 for another part.
+    pub(super) fn without(&self, whole: &Self) -> Option<usize> {
+        let alike = self.mirror == whole.mirror && self.rise == whole.rise;
+        if self.lobes == whole.lobes {
+            let floors = (self.floor, whole.floor);
+            let floor = self.mirror == whole.mirror
+                && matches!(
+                    floors,
+                    (Floor::None, Floor::Lambert | Floor::Falling)
+                        | (Floor::Lambert, Floor::Falling)
+                );
+            let mirror = !self.mirror && whole.mirror && self.floor == whole.floor;
+            return (self.rise == whole.rise && (floor || mirror)).then_some(0);
+        }
+        let lacks = (0..whole.lobes.len()).find(|k| {
+            let others = whole.lobes.iter().enumerate().filter(|(n, _)| n != k).map(|(_, l)| *l);
+            others.eq(self.lobes.iter().copied())
+        });
+        lacks.filter(|_| alike && self.floor == whole.floor).map(|k| k + 1)
     }
 
     pub(super) fn ranges(&self) -> Vec<Range> {
@@ -130,6 +155,10 @@ impl Recipe {
             Rise::Constant => {}
             Rise::Schlick => put("reflectance", 0, 1e-3, 1.0),
             Rise::Dielectric => put("n", 0, 1.05, 8.0),
+            Rise::Polarised => {
+                put("n", 0, 1.05, 8.0);
+                put("in_plane_share", 0, 0.01, 1.0);
+            }
         }
         for (k, kind) in self.lobes.iter().enumerate() {
             let lobe = k + 1;
@@ -165,8 +194,9 @@ impl Recipe {
         let rise = match self.rise {
             Rise::Constant => Term::Constant,
             Rise::Schlick => Term::Schlick(next()),
-            Rise::Dielectric => Term::Dielectric(next()),
+            Rise::Dielectric | Rise::Polarised => Term::Dielectric(next()),
         };
+        let across = if self.rise == Rise::Polarised { 1.0 - 2.0 * next() } else { 0.0 };
         let mut lobes = Vec::with_capacity(self.lobes.len());
         for kind in &self.lobes {
             let share = next();
@@ -200,12 +230,12 @@ impl Recipe {
             Floor::Lambert => (next(), 0.0),
             Floor::Falling => (next(), next()),
         };
-        Surface { rise, lobes, mirror, diffuse, power }
+        Surface { rise, across, lobes, mirror, diffuse, power }
     }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Term {
+pub(super) enum Term {
     Constant,
     Schlick(f64),
     Dielectric(f64),
@@ -218,6 +248,31 @@ impl Term {
             Self::Schlick(f0) => f0 + (1.0 - f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5),
             Self::Dielectric(n) => conductor::fresnel(n, 0.0, cos),
         }
+    }
+}
+
+/// A Fresnel term in the light of the measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    rise: Term,
+    across: f64,
+}
+
+impl Seen {
+    /// The reflectance of the facets that send light from `i` to `o`.
+    pub fn at(&self, i: DVec3, o: DVec3) -> f64 {
+        let bisector = i + o;
+        let cos = 0.5 * bisector.length();
+        let plain = self.rise.at(cos);
+        let Term::Dielectric(n) = self.rise else { return plain };
+        let (own, whole) = (i.cross(bisector), DVec3::Z.cross(i));
+        let (a, b) = (own.length_squared(), whole.length_squared());
+        if self.across == 0.0 || a < 1e-18 || b < 1e-18 {
+            return plain;
+        }
+        // The angle between the facet's plane of incidence and the surface's: cos 2ψ (Malus).
+        let twice = 2.0 * own.dot(whole).powi(2) / (a * b) - 1.0;
+        plain + self.across * twice * conductor::difference(n, 0.0, cos)
     }
 }
 
@@ -242,6 +297,8 @@ struct Mirror {
 #[derive(Debug, Clone)]
 pub struct Surface {
     rise: Term,
+    /// Of the light of the measurement: the share that is polarised across the plane of incidence less that in it.
+    across: f64,
     lobes: Vec<Part>,
     mirror: Option<Mirror>,
     diffuse: f64,
@@ -319,7 +376,7 @@ impl Surface {
     /// Returns f as an instrument sees it, with light from `i`, at `o` \[sr⁻¹\]: the mean of f cosθ over its disc, over cosθ_o. `disc` holds the disc's directions with weights, of
     /// which the lobes are the mean; the mirror, which may be narrower than their distances, is blurred in closed form.
     pub(super) fn seen(&self, i: DVec3, o: DVec3, disc: &[(DVec3, f64)], blur2: f64) -> f64 {
-        let mut sum = self.mirrored(i, o, blur2) + self.broad(i.z, o.z);
+        let mut sum = self.others(i, o, blur2);
         if disc.is_empty() {
             sum += self.lobes_at(i, o);
         } else {
@@ -334,10 +391,25 @@ impl Surface {
             return 0.0;
         }
         let value: f64 = self.lobes.iter().map(|l| l.scale * l.shape.value(i, o)).sum();
-        value * self.rise.at(0.5 * (i + o).length())
+        value * self.fresnel().at(i, o)
     }
 
-    fn broad(&self, i: f64, o: f64) -> f64 {
+    /// The lobes' shapes and what stands before each.
+    pub(super) fn shapes(&self) -> impl Iterator<Item = (Shape, f64)> + '_ {
+        self.lobes.iter().map(|l| (l.shape, l.scale))
+    }
+
+    /// The Fresnel term in the light of the measurement.
+    pub(super) fn fresnel(&self) -> Seen {
+        Seen { rise: self.rise, across: self.across }
+    }
+
+    /// The diffuse light and the mirror, without the lobes.
+    pub(super) fn others(&self, i: DVec3, o: DVec3, blur2: f64) -> f64 {
+        self.mirrored(i, o, blur2) + self.broad(i.z, o.z)
+    }
+
+    pub(super) fn broad(&self, i: f64, o: f64) -> f64 {
         if self.power == 0.0 {
             self.diffuse * FRAC_1_PI
         } else {
@@ -346,7 +418,7 @@ impl Surface {
     }
 
     /// The lobe of narrow Beckmann microfacets of half-width 2α in the plane of incidence and 2α cosθ_i across, blurred by a Gaussian of the same second moment as the disc.
-    fn mirrored(&self, i: DVec3, o: DVec3, blur2: f64) -> f64 {
+    pub(super) fn mirrored(&self, i: DVec3, o: DVec3, blur2: f64) -> f64 {
         let Some(Mirror { share, g, alpha }) = self.mirror else { return 0.0 };
         let mirrored = DVec3::new(-i.x, -i.y, i.z);
         let away = o - mirrored;
@@ -360,7 +432,8 @@ impl Surface {
         let (u2, v2) = (w2 + blur2, w2 * i.z * i.z + blur2);
         let (u, v) = (away.dot(along), away.dot(across));
         let bell = (-u * u / u2 - v * v / v2).exp() / (PI * (u2 * v2).sqrt());
-        share * self.rise.at(i.z) * (-(g * i.z).powi(2)).exp() * bell / o.z
+        let mirrors = self.fresnel().at(i, mirrored);
+        share * mirrors * (-(g * i.z).powi(2)).exp() * bell / o.z
     }
 
     /// The half-width of the narrowest part about the mirrored direction, in direction cosines.
@@ -376,9 +449,14 @@ impl Surface {
             + self.diffuse
     }
 
+    /// Whether it may reflect about as much as came: the bound does not exclude it.
+    pub(super) fn is_bright(&self) -> bool {
+        self.bound() > 0.999
+    }
+
     /// The directional–hemispherical reflectance at some angles, to about 1 %; none where a bound says that it is below 1.
     pub(super) fn albedos(&self, cosines: &[f64]) -> Option<Vec<f64>> {
-        if self.bound() <= 0.999 {
+        if !self.is_bright() {
             return None;
         }
         Some(cosines.iter().map(|cos| self.albedo(*cos)).collect())
@@ -490,7 +568,12 @@ impl Surface {
     pub(super) fn parts_at(&self, i: DVec3, o: DVec3, cone: &Cone) -> (f64, f64) {
         let radius = cone.radius_rad();
         let broad = self.broad(i.z, o.z);
-        let whole = self.seen(i, o, &disc(o, radius), 0.5 * radius * radius);
+        let whole = Self { across: 0.0, ..self.clone() }.seen(
+            i,
+            o,
+            &disc(o, radius),
+            0.5 * radius * radius,
+        );
         ((whole - broad).max(0.0), broad)
     }
 

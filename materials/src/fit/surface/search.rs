@@ -4,10 +4,12 @@ use super::judge::{Found, Incidence, Judge};
 use super::model::{Cone, Floor, Kind, Recipe, Rise};
 use rayon::prelude::*;
 
-/// Steps of a search that says which start leads where, and of one to the end.
-const A_LOOK: usize = 8;
-const TO_AN_END: usize = 40;
-const TO_THE_END: usize = 150;
+/// Steps of a search that says which start leads where, of one to an end, of one whose end is judged, and to the end; and the part of the cost below which a step's gain ends it. What a score
+/// differs by chance is a hundred times more than the third.
+const A_LOOK: (usize, f64) = (8, 1e-3);
+const TO_AN_END: (usize, f64) = (40, 1e-4);
+const JUDGED: (usize, f64) = (150, 1e-6);
+const TO_THE_END: (usize, f64) = (150, 1e-9);
 /// The misfit of ln f from which a search begins, and the least that is reckoned with.
 pub(super) const MISFIT: f64 = 0.2;
 const LEAST_MISFIT: f64 = 0.005;
@@ -16,6 +18,10 @@ const OF_EACH: usize = 3;
 const IN_ALL: usize = 24;
 /// A recipe that costs more than this many times the best one's cost is not looked at again.
 const HOPELESS: f64 = 4.0;
+/// A start that costs more than this many times the best one's after a look is not followed.
+const TOO_FAR: f64 = 30.0;
+/// A search failed whose end costs more than this part of it.
+const FAILED: f64 = 0.999;
 /// Incidences that are left out in turn, at most.
 const FOLDS: usize = 8;
 /// Parts of an incidence whose errors are taken as independent of one another.
@@ -116,7 +122,7 @@ fn starts(judge: &Judge<'_>) -> Vec<Vec<f64>> {
     let rises: &[f64] = match recipe.rise {
         Rise::Constant => &[1.0],
         Rise::Schlick => &[0.1],
-        Rise::Dielectric => &[1.7],
+        Rise::Dielectric | Rise::Polarised => &[1.7],
     };
     let ranges = recipe.ranges();
     let mut all = Vec::new();
@@ -132,6 +138,7 @@ fn starts(judge: &Judge<'_>) -> Vec<Vec<f64>> {
                         "alpha" => width,
                         "g" => 2.0,
                         "b" => (2.0 * width).powi(2),
+                        "in_plane_share" => 0.5,
                         "mirror_g" => 0.5,
                         "mirror_alpha" => 2e-3,
                         "diffuse_power" => 0.5,
@@ -197,20 +204,13 @@ fn balanced(judge: &Judge<'_>, mut p: Vec<f64>) -> Vec<f64> {
     p.iter().map(|p| p.ln()).collect()
 }
 
-/// Searches the numbers of a recipe from its own starts.
-fn search(recipe: &Recipe, incidences: &[&Incidence], cone: &Cone, misfit: f64) -> Found {
-    let mut judge = Judge::new(recipe, incidences.to_vec(), cone, misfit);
-    let mut looks: Vec<Found> = starts(&judge).iter().map(|x| judge.solve(x, A_LOOK)).collect();
+/// Where the starts of a recipe lead within a few steps, the best first.
+fn looks(judge: &mut Judge<'_>) -> Vec<Found> {
+    let mut looks: Vec<Found> = starts(judge).iter().map(|x| judge.solve(x, A_LOOK)).collect();
     looks.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     looks.dedup_by(|a, b| (a.cost - b.cost).abs() < 1e-3 * b.cost);
-    let mut best = judge.solve(&looks[0].x, TO_AN_END);
-    if let Some(second) = looks.get(1) {
-        let second = judge.solve(&second.x.clone(), TO_AN_END);
-        if second.cost < best.cost {
-            best = second;
-        }
-    }
-    best
+    looks.truncate(2);
+    looks
 }
 
 /// Goes on from given numbers, with outliers weighed.
@@ -218,14 +218,14 @@ fn refine(
     recipe: &Recipe,
     incidences: &[&Incidence],
     (cone, misfit): (&Cone, f64),
-    from: &[f64],
+    (from, to): (&[f64], (usize, f64)),
     rounds: usize,
 ) -> (Found, Vec<f64>) {
     let mut judge = Judge::new(recipe, incidences.to_vec(), cone, misfit);
-    let mut best = judge.solve(from, TO_THE_END);
+    let mut best = judge.solve(from, to);
     for _ in 0..rounds {
         judge.weigh(&best.x);
-        best = judge.solve(&best.x, TO_THE_END);
+        best = judge.solve(&best.x, to);
     }
     (best, judge.weight)
 }
@@ -237,16 +237,111 @@ pub(super) fn all(
     (cone, misfit): (&Cone, f64),
     done: &(dyn Fn() + Sync),
 ) -> Vec<Candidate> {
-    let mut found: Vec<Candidate> = recipes
-        .par_iter()
-        .map(|recipe| {
-            let found = search(recipe, incidences, cone, misfit);
+    let judge = |recipe| Judge::new(recipe, incidences.to_vec(), cone, misfit);
+    let looks: Vec<(&Recipe, Vec<Found>)> =
+        recipes.par_iter().map(|recipe| (recipe, looks(&mut judge(recipe)))).collect();
+    let least = looks.iter().filter_map(|(_, l)| Some(l.first()?.cost)).fold(f64::MAX, f64::min);
+    let mut found: Vec<Candidate> = looks
+        .into_par_iter()
+        .filter_map(|(recipe, looks)| {
+            let mut judge = judge(recipe);
+            let ends = looks.into_iter().map(|look| {
+                let is_far = look.cost > TOO_FAR * least;
+                if is_far { look } else { judge.solve(&look.x, TO_AN_END) }
+            });
+            let found = ends.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
             done();
-            Candidate { recipe: recipe.clone(), found, weight: Vec::new(), folds: Vec::new() }
+            Some(Candidate { recipe: recipe.clone(), found, weight: Vec::new(), folds: Vec::new() })
         })
         .collect();
+    nested(&mut found, incidences, (cone, misfit));
     found.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
     found
+}
+
+/// A recipe is never worse than one that it contains: where its search ended higher, it begins anew at that one's end.
+fn nested(found: &mut [Candidate], incidences: &[&Incidence], (cone, misfit): (&Cone, f64)) {
+    let sizes: std::collections::BTreeSet<usize> = found.iter().map(|c| c.found.x.len()).collect();
+    for size in sizes {
+        let better: Vec<(usize, Found)> = (0..found.len())
+            .into_par_iter()
+            .filter(|k| found[*k].found.x.len() == size)
+            .filter_map(|k| {
+                let whole = &found[k];
+                let parts = found.iter().filter(|c| {
+                    c.found.cost < FAILED * whole.found.cost
+                        && c.recipe.without(&whole.recipe).is_some()
+                });
+                let part = parts.min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
+                let mut judge = Judge::new(&whole.recipe, incidences.to_vec(), cone, misfit);
+                let mut best: Option<Found> = None;
+                for start in grown(&judge, part) {
+                    let end = judge.solve(&start, TO_AN_END);
+                    if best.as_ref().is_none_or(|b| end.cost < b.cost) {
+                        best = Some(end);
+                    }
+                }
+                Some((k, best.filter(|b| b.cost < whole.found.cost)?))
+            })
+            .collect();
+        for (k, end) in better {
+            found[k].found = end;
+        }
+    }
+}
+
+/// Starts of a recipe at the end of one that lacks one of its parts.
+fn grown(judge: &Judge<'_>, part: &Candidate) -> Vec<Vec<f64>> {
+    const WIDTHS: [f64; 4] = [0.02, 0.1, 0.3, 0.8];
+    let ranges = judge.recipe.ranges();
+    let known = part.recipe.ranges();
+    // The number of the lobe that it lacks; 0 where it lacks another part.
+    let lacks = part.recipe.without(judge.recipe).unwrap_or(0);
+    let widths = if lacks > 0 { &WIDTHS[..] } else { &WIDTHS[..1] };
+    let start = |width: &f64| {
+        let p = ranges.iter().map(|r| {
+            let lobe = if lacks > 0 && r.lobe > lacks { r.lobe - 1 } else { r.lobe };
+            let is_new = lacks > 0 && r.lobe == lacks;
+            let same = known.iter().position(|k| !is_new && k.key == r.key && k.lobe == lobe);
+            let value = match (same, r.key) {
+                (Some(k), _) => part.found.x[k].exp(),
+                (None, "alpha") => *width,
+                (None, "b") => (2.0 * width).powi(2),
+                (None, "g") => 2.0,
+                (None, "mirror_g" | "diffuse_power" | "in_plane_share") => 0.5,
+                (None, "mirror_alpha") => 2e-3,
+                (None, _) => 0.05,
+            };
+            value.clamp(r.least, r.most)
+        });
+        balanced(judge, p.collect())
+    };
+    widths.iter().map(start).collect()
+}
+
+/// The best recipes with a dielectric, in polarised light.
+pub(super) fn polarised(candidates: &[Candidate]) -> Vec<Recipe> {
+    let mut counts = std::collections::BTreeMap::new();
+    let mut all = Vec::new();
+    for candidate in candidates.iter().filter(|c| c.recipe.rise == Rise::Dielectric) {
+        let count = counts.entry(candidate.found.x.len()).or_insert(0_usize);
+        if *count < OF_EACH && !candidate.recipe.lobes.is_empty() {
+            *count += 1;
+            all.push(Recipe { rise: Rise::Polarised, ..candidate.recipe.clone() });
+        }
+    }
+    all
+}
+
+/// Brings the numbers of a recipe to their end.
+pub(super) fn to_the_end(
+    candidate: &mut Candidate,
+    incidences: &[&Incidence],
+    (cone, misfit): (&Cone, f64),
+) {
+    let from = (candidate.found.x.as_slice(), TO_THE_END);
+    (candidate.found, candidate.weight) =
+        refine(&candidate.recipe, incidences, (cone, misfit), from, 2);
 }
 
 /// The misfit of ln f, rms, of the best one.
@@ -267,7 +362,8 @@ pub(super) fn finish(
     misfit: f64,
 ) {
     candidates.par_iter_mut().for_each(|c| {
-        (c.found, c.weight) = refine(&c.recipe, incidences, (cone, misfit), &c.found.x, 2);
+        (c.found, c.weight) =
+            refine(&c.recipe, incidences, (cone, misfit), (&c.found.x, JUDGED), 2);
     });
     candidates.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
 }
@@ -316,8 +412,8 @@ pub(super) fn leave_out(
             let candidate = &candidates[*c];
             let others: Vec<&Incidence> =
                 incidences.iter().enumerate().filter(|(k, _)| k != l).map(|(_, i)| i).collect();
-            let (found, _) =
-                refine(&candidate.recipe, &others, (cone, misfit), &candidate.found.x, 1);
+            let from = (candidate.found.x.as_slice(), JUDGED);
+            let (found, _) = refine(&candidate.recipe, &others, (cone, misfit), from, 1);
             let judge = Judge::new(&candidate.recipe, vec![&incidences[*l]], cone, misfit);
             let surface = judge.surface(&found.x);
             let seen = incidences[*l].seen(&surface, judge.blur2);
