@@ -22,6 +22,8 @@ mod recording;
 mod scpi;
 #[path = "../fuzz/targets/spectra.rs"]
 mod spectra;
+#[path = "../fuzz/targets/standa.rs"]
+mod standa;
 #[path = "../fuzz/targets/swabian.rs"]
 mod swabian;
 #[path = "../fuzz/targets/thorlabs.rs"]
@@ -37,7 +39,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 14] = [
+    let targets: [Target; 15] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
@@ -48,6 +50,7 @@ fn campaign_fuzz() {
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
         ("spectra", &[], spectra::run),
         ("scpi", &[], scpi::run),
+        ("standa", &[], standa::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
         ("zaber", &["fixtures/zaber"], zaber::run),

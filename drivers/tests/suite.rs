@@ -45,6 +45,8 @@ mod scpi_fixtures;
 mod scpi_peer;
 mod smc100_stage;
 mod spectra_fixtures;
+mod standa_peer;
+mod standa_stage;
 mod swabian_bridge;
 mod swabian_counter;
 mod swabian_faults;
