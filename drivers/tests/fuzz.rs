@@ -30,6 +30,8 @@ mod swabian;
 mod thorlabs;
 #[path = "../fuzz/targets/zaber.rs"]
 mod zaber;
+#[path = "../fuzz/targets/zmtp.rs"]
+mod zmtp;
 #[path = "../fuzz/targets/zwo.rs"]
 mod zwo;
 
@@ -39,7 +41,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 15] = [
+    let targets: [Target; 16] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
@@ -54,6 +56,7 @@ fn campaign_fuzz() {
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
         ("zaber", &["fixtures/zaber"], zaber::run),
+        ("zmtp", &[], zmtp::run),
         ("zwo", &[], zwo::run),
     ];
     for (name, folders, target) in targets {

@@ -43,6 +43,7 @@ mod scpi_faults;
 mod scpi_file;
 mod scpi_fixtures;
 mod scpi_peer;
+mod scpi_zmq;
 mod smc100_stage;
 mod spectra_fixtures;
 mod standa_peer;
