@@ -37,6 +37,7 @@ pub mod opencv;
 mod options;
 mod plugged;
 mod scpi;
+mod standa;
 mod swabian;
 mod trinamic;
 pub mod udev;
@@ -57,7 +58,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 45] = [
+pub static DRIVERS: [&Driver; 47] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -65,6 +66,7 @@ pub static DRIVERS: [&Driver; 45] = [
     &zaber::ZABER,
     &newport::ESP301,
     &newport::SMC100,
+    &standa::STANDA,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
@@ -92,6 +94,7 @@ pub static DRIVERS: [&Driver; 45] = [
     &zaber::SIM_ZABER,
     &newport::SIM_ESP301,
     &newport::SIM_SMC100,
+    &standa::SIM_STANDA,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

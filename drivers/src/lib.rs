@@ -15,7 +15,7 @@
 //! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; rotation stages on the [APT](thorlabs::apt) and
 //!   [Elliptec](thorlabs::elliptec) protocols;
-//! - [`zaber`], [`newport`]: rotation stages on Zaber's ASCII protocol, and on Newport's ESP301 and SMC100;
+//! - [`zaber`], [`newport`], [`standa`]: rotation stages on Zaber's ASCII protocol, Newport's ESP301 and SMC100, Standa's 8SMC4 and 8SMC5;
 //! - [`scpi`]: meters, sources and power meters that a file describes, over TCP, serial ports, GPIB adapters and [`usbtmc`];
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`spectral_products`], [`acton`]: monochromators; [`ocean`]: spectrometers;
@@ -74,6 +74,7 @@ pub mod scpi;
 pub mod session;
 pub mod simulated;
 pub mod spectral_products;
+pub mod standa;
 pub mod swabian;
 pub use sunglint_formats::tags;
 pub mod thorlabs;

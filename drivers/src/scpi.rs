@@ -3,7 +3,7 @@
 //! - [`Definition`]: the file (TOML), checked; [`TEMPLATES`]: files to begin with;
 //! - [`Pattern`]: patterns of answers, with a named number; [`reply`]: where an answer ends, numbers, complaints, all parsed strictly;
 //! - [`Response`]: the responsivity of a photodiode;
-//! - [`Link`]: one question at a time, over TCP, a serial line, a Prologix GPIB adapter or [USBTMC](crate::usbtmc);
+//! - [`Link`]: one question at a time, over TCP, a serial line, a Prologix GPIB adapter, [USBTMC](crate::usbtmc) or in requests of ZeroMQ;
 //! - [`ScpiMeter`], [`ScpiSource`], [`ScpiPowerMeter`]: the devices.
 //!
 //! `docs/devices-scpi.md` lists every key of the file.
@@ -17,11 +17,11 @@
 //! - A reading is measured after the call began: by a trigger, or by waiting where the device measures by itself ([`Meter`](crate::device::Meter)).
 //!
 //! # Sources
-//! IEEE 488.2-1992; SCPI-99 volume 1 (7.2.1 numbers, 21.8 error queue); Prologix' GPIB-USB and GPIB-ETHERNET manuals (from memory). The templates are from memory
+//! IEEE 488.2-1992; SCPI-99 volume 1 (7.2.1 numbers, 21.8 error queue); Prologix' GPIB-USB and GPIB-ETHERNET manuals (from memory); ZMTP 3.0 (ZeroMQ's RFC 23). The templates are from memory
 //! of the makers' manuals, and say so.
 //!
 //! # Tried with
-//! Nothing real yet: [our simulated instruments](crate::simulated::scpi), which pyvisa drives by TCP and on a pty, and a device made of sinstruments.
+//! Nothing real yet: [our simulated instruments](crate::simulated::scpi), which pyvisa drives by TCP and on a pty, and a device made of sinstruments; ZeroMQ with a device made of pyzmq.
 
 mod definition;
 mod devices;
@@ -32,6 +32,7 @@ mod pattern;
 pub mod reply;
 mod response;
 mod way;
+mod zmtp;
 
 pub use definition::{Definition, DeviceKind};
 pub use devices::{ScpiMeter, ScpiPowerMeter, ScpiSource};
@@ -61,7 +62,7 @@ macro_rules! templates {
 }
 
 /// Files to begin with. All are from memory of manuals, and none was tried with an instrument.
-pub static TEMPLATES: [Template; 7] = templates![
+pub static TEMPLATES: [Template; 8] = templates![
     "keithley6485",
     "keithley2000",
     "keithley2400",
@@ -69,6 +70,7 @@ pub static TEMPLATES: [Template; 7] = templates![
     "keysight34450a",
     "rigol_dp832",
     "photodiode",
+    "idq_id900",
 ];
 
 impl Template {

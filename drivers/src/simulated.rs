@@ -23,6 +23,7 @@ pub mod script;
 pub mod served;
 pub mod smc100;
 pub mod sp2150;
+pub mod standa;
 pub mod swabian;
 pub mod tmcl;
 pub mod zaber;

@@ -22,12 +22,16 @@ mod recording;
 mod scpi;
 #[path = "../fuzz/targets/spectra.rs"]
 mod spectra;
+#[path = "../fuzz/targets/standa.rs"]
+mod standa;
 #[path = "../fuzz/targets/swabian.rs"]
 mod swabian;
 #[path = "../fuzz/targets/thorlabs.rs"]
 mod thorlabs;
 #[path = "../fuzz/targets/zaber.rs"]
 mod zaber;
+#[path = "../fuzz/targets/zmtp.rs"]
+mod zmtp;
 #[path = "../fuzz/targets/zwo.rs"]
 mod zwo;
 
@@ -37,7 +41,7 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 14] = [
+    let targets: [Target; 16] = [
         ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("elliptec", &["fixtures/elliptec"], elliptec::run),
@@ -48,9 +52,11 @@ fn campaign_fuzz() {
         ("recording", &["fixtures/indi", "fixtures/ophir", "fixtures/swabian"], recording::run),
         ("spectra", &[], spectra::run),
         ("scpi", &[], scpi::run),
+        ("standa", &[], standa::run),
         ("swabian", &[], swabian::run),
         ("thorlabs", &[], thorlabs::run),
         ("zaber", &["fixtures/zaber"], zaber::run),
+        ("zmtp", &[], zmtp::run),
         ("zwo", &[], zwo::run),
     ];
     for (name, folders, target) in targets {

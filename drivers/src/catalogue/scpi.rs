@@ -19,6 +19,12 @@ const ANY: &str = "scpi";
 /// Port of SCPI on raw TCP, and of a Prologix GPIB-ETHERNET adapter.
 const PORTS: [u16; 2] = [5025, 1234];
 
+/// Beginning of the place of an instrument that takes lines in requests of ZeroMQ.
+const ZEROMQ: &str = "zmq:";
+
+/// Port of ID Quantique's time controllers, which speak ZeroMQ.
+const ZEROMQ_PORT: u16 = 5555;
+
 const DEVICE_FILE: OptionSpec = OptionSpec {
     name: "device",
     kind: Text,
@@ -98,10 +104,10 @@ const fn driver(
         kind,
         vendor: "any",
         title,
-        tried: "our simulated instruments, which pyvisa drives too, and a device made of sinstruments 1.5.0; no real instrument yet",
+        tried: "our simulated instruments, which pyvisa drives too, and devices made of sinstruments 1.5.0 and pyzmq 27.3.0; no real instrument yet",
         simulated: false,
         place: Place {
-            form: "PORT|tcp:HOST[:PORT]|usb[:VVVV:PPPP[:SERIAL]]",
+            form: "PORT|tcp:HOST[:PORT]|zmq:HOST[:PORT]|usb[:VVVV:PPPP[:SERIAL]]",
             example,
             optional: false,
         },
@@ -316,6 +322,14 @@ fn connect(address: &mut Address, deadline: &Deadline) -> Result<Line, DeviceErr
         }
         return Ok(Line::transfers(usb));
     }
+    if let Some(host) = place.strip_prefix(ZEROMQ) {
+        if address.text("gpib").is_some() {
+            let hint = "a GPIB adapter is at a serial port or tcp:HOST: leave gpib out";
+            return Err(not_found(place.clone(), hint));
+        }
+        let tcp = Tcp::connect(&server(host, ZEROMQ_PORT), deadline);
+        return tcp.map(Line::bytes).map_err(|error| DeviceError::transport(DEVICE, error));
+    }
     if let Some(host) = place.strip_prefix("tcp:") {
         let host = server(host, PORTS[usize::from(address.text("gpib").is_some())]);
         let tcp = Tcp::connect(&host, deadline);
@@ -350,6 +364,8 @@ fn on_line(
         known.bulk_in = address.integer("bulk_in").unwrap_or(known.bulk_in);
         known.bulk_out = address.integer("bulk_out").unwrap_or(known.bulk_out);
         Link::usbtmc(line.into_transfers(DEVICE)?, tmc, &about)
+    } else if place.starts_with(ZEROMQ) {
+        Link::zeromq(line.into_bytes(DEVICE)?, &about)
     } else {
         let cable = if place.starts_with("tcp:") { Cable::Checked } else { Cable::Unchecked };
         let line = line.into_bytes(DEVICE)?;
@@ -389,6 +405,7 @@ mod tests {
         ] {
             assert_eq!(server(place, 5025), whole);
         }
+        assert_eq!(server("10.0.0.3", ZEROMQ_PORT), "10.0.0.3:5555");
         assert_eq!(usb_place("usb").unwrap(), (None, None));
         assert_eq!(usb_place("usb:2a8d:1301:MY1").unwrap(), (Some((0x2a8d, 0x1301)), Some("MY1")));
         for bad in ["usb:2a8d", "usb:x:1", "usb:12345:1", "usb:"] {

@@ -4,6 +4,7 @@ use super::definition::Definition;
 use super::pattern::{Captured, Pattern};
 use super::reply::{Complaint, text_of};
 use super::way::{Gpib, Raw, Way};
+use super::zmtp::Zmq;
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::reply::ReplyError;
@@ -61,6 +62,11 @@ impl Link {
     /// A link through a Prologix GPIB adapter to the instrument at a GPIB address, 0 to 30; nothing is said yet.
     pub fn gpib(line: impl Bytes + 'static, address: u8, cable: Cable, about: &Definition) -> Self {
         Self::new(Box::new(Gpib::new(about.name, line, address)), cable, about)
+    }
+
+    /// A link in requests of ZeroMQ, ZMTP 3.0 without security; nothing is said yet. TCP is under it, which notices what it alters.
+    pub fn zeromq(line: impl Bytes + 'static, about: &Definition) -> Self {
+        Self::new(Box::new(Zmq::new(about.name, line)), Cable::Checked, about)
     }
 
     /// A link over USBTMC; nothing is said yet.

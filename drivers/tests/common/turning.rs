@@ -10,6 +10,7 @@ use sunglint_drivers::recording::{Faults, Header, Injected, Recorded, Recording,
 use sunglint_drivers::simulated::elliptec::Elliptec;
 use sunglint_drivers::simulated::esp301::Esp301;
 use sunglint_drivers::simulated::smc100::Smc100;
+use sunglint_drivers::simulated::standa::Standa;
 use sunglint_drivers::simulated::zaber::Zaber;
 use sunglint_drivers::simulated::{InMemory, Speaker};
 use sunglint_drivers::transport::{Bytes, TransportError};
@@ -68,6 +69,7 @@ counterpart!(Zaber, -15_000, 1_000.0, dead);
 counterpart!(Elliptec, -35_840, 143_360.0 / 360.0, trouble.dead);
 counterpart!(Esp301, -150_000, 10_000.0, dead);
 counterpart!(Smc100, -150_000, 10_000.0, dead);
+counterpart!(Standa, -384_000, 25_600.0, dead);
 
 /// A stage with its simulated device on a virtual clock.
 pub struct Desk<A: Axis, D> {
