@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::{Folder, VEGA};
+use crate::common::{Folder, VEGA, demonstration};
 use clap::CommandFactory as _;
 use std::path::Path;
 use std::process::Command;
@@ -43,9 +43,8 @@ fn bounds_of_periods_are_read() {
 #[test]
 fn the_demonstration_needs_no_input_and_overwrites_nothing() {
     let folder = Folder::new("demo");
-    // What is there already is passed by.
-    std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
-    let json = folder.json(&["demo", "--json"]);
+    let json = demonstration(&folder);
+    // What was there already is passed by.
     let demo = folder.path("sunglint-demo-2");
     assert_eq!(json["folder"], "sunglint-demo-2");
     for file in [

@@ -201,6 +201,39 @@ impl Drop for Folder {
     }
 }
 
+/// Puts the demonstration into a folder under the name that it was given where it was made, `sunglint-demo-2`, since `sunglint-demo` was taken: `sunglint demo --json` runs once for the tests that
+/// begin with it. Returns what it printed.
+pub fn demonstration(folder: &Folder) -> &'static Value {
+    static MADE: OnceLock<(Vec<(PathBuf, Vec<u8>)>, Value)> = OnceLock::new();
+    let (files, printed) = MADE.get_or_init(|| {
+        let folder = Folder::new("demonstration");
+        std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
+        let printed = folder.json(&["demo", "--json"]);
+        let mut files = Vec::new();
+        gather(&folder.0, Path::new("sunglint-demo-2"), &mut files);
+        (files, printed)
+    });
+    for (name, bytes) in files {
+        let path = folder.0.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    printed
+}
+
+/// All files below a folder, which is in another.
+fn gather(above: &Path, name: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
+    for entry in std::fs::read_dir(above.join(name)).unwrap() {
+        let entry = entry.unwrap();
+        let name = name.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            gather(above, &name, files);
+        } else {
+            files.push((name, std::fs::read(entry.path()).unwrap()));
+        }
+    }
+}
+
 /// Writes a scene, `stage.toml`, of a cylinder that tumbles in 21.7 s about an axis at 120°, +35° (synthetic), and the curves of the longest of its passes, at most six. Returns their names.
 pub fn tumbling_stage(folder: &Folder, passes: usize) -> Vec<String> {
     let elements = "ISS (ZARYA)\n1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
