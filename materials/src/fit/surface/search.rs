@@ -441,12 +441,24 @@ pub(super) fn score(candidate: &Candidate) -> f64 {
     if weight > 0.0 { sum / weight } else { f64::INFINITY }
 }
 
+/// Part of the best score in plain light that a recipe in polarised light has to stay below.
+const PLAINLY: f64 = 0.7;
+
 /// The simplest candidate that is not worse than the best one by more than chance explains. Each is judged by both its fit and by what it says of incidences left out; `independent` is as how
 /// many samples count.
 pub(super) fn choose(candidates: &[Candidate], independent: f64) -> Option<usize> {
     // Of one incidence none can be left out: its fit alone counts.
     let left_out = |c: &Candidate| if c.folds.is_empty() { 0.0 } else { score(c) };
-    let scores: Vec<f64> = candidates.iter().map(|c| c.found.cost + left_out(c)).collect();
+    let mut scores: Vec<f64> = candidates.iter().map(|c| c.found.cost + left_out(c)).collect();
+    // Polarisation is the instrument's, and in doubt the source had none: any small misfit of the law would be taken for it.
+    let is_polarised = |k: usize| candidates[k].recipe.rise == Rise::Polarised;
+    let plain = (0..scores.len()).filter(|k| !is_polarised(*k)).map(|k| scores[k]);
+    let plain = plain.fold(f64::INFINITY, f64::min);
+    for k in (0..scores.len()).filter(|k| is_polarised(*k)) {
+        if scores[k] > PLAINLY * plain {
+            scores[k] = f64::INFINITY;
+        }
+    }
     let best = (0..candidates.len()).min_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
     let size = |k: usize| candidates[k].found.x.len();
     let alike = |k: &usize| {
