@@ -322,7 +322,7 @@ fn fluxes_of_0_and_below_are_data() {
     // Where magnitudes are asked for, they are those of fluxes above 0.
     let alcdef = std::fs::read_to_string(folder.path("i.txt")).unwrap();
     let first = alcdef.lines().find(|line| line.starts_with("DATA=")).unwrap();
-    let numbers: Vec<f64> = first.split('|').skip(1).map(|n| n.parse().unwrap()).collect();
+    let numbers: Vec<f64> = first.split('|').skip(1).take(2).map(|n| n.parse().unwrap()).collect();
     assert!((numbers[0] + 5.0).abs() < 1e-3 && (numbers[1] - 0.0543).abs() < 1e-3, "{first}");
     // What is written is read as fluxes again, and every one of the 40 counts.
     for file in ["f.csv", "i.ecsv", "i.csv"] {

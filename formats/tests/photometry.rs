@@ -341,7 +341,7 @@ fn what_is_written_is_read_back() {
 
 /// Truth: what the tests of `dnl-blkv/alcdef-php` expect of the same file, and the rows as they stand there; JD 2451425.5 is 1999-09-04T00:00 (Meeus, table 7.A: 2451544.5 is 2000-01-01T00:00). Written again, the rows have the same numbers.
 ///
-/// What was written was read by hand with two programs of others: `alcdef2json` of D. Belyakov (all rows, no unknown key) and `read_alcdef` of `dirac-institute/CometGPs` (largest difference 0).
+/// The written file was read by hand with two programs of others: `alcdef2json` of D. Belyakov (all rows, no unknown key) and `read_alcdef` of `dirac-institute/CometGPs` (largest difference 0).
 #[test]
 fn sessions_of_the_database_are_read() {
     use sunglint_formats::photometry::write;

@@ -61,7 +61,7 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
             ));
         }
         let text = format!("{name} at tcp:{at}; Ctrl-C ends");
-        console.result(&text, &AtPort { device: &name, tcp: at.to_string() })?;
+        console.result(&text, &AtPort { device: name, tcp: at.to_string() })?;
         return Ok(served.at_port(&port, &cancel, |visit| match visit {
             Visit::Came(host) => console.say(&format!("{host} is there")),
             Visit::Left(host) => console.say(&format!("{host} has gone")),
@@ -75,6 +75,6 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
     let mut pty = Pty::open(link.as_deref())?;
     let shown = link.map_or_else(|| pty.port().to_owned(), |link| link.display().to_string());
     let text = format!("{name} at {shown}; Ctrl-C ends");
-    console.result(&text, &OnPty { device: &name, pty: pty.port(), path: &shown })?;
+    console.result(&text, &OnPty { device: name, pty: pty.port(), path: &shown })?;
     Ok(served.on_pty(&mut pty, &cancel)?)
 }

@@ -139,7 +139,7 @@ impl<T: Bytes> Standa<T> {
     }
 
     /// Empties the line: a controller in the middle of a command takes zeros for the rest of it; one that waits for a command gives them back.
-    /// What was late comes before them.
+    /// Late bytes come before them.
     fn synchronise(&mut self, deadline: &Deadline) -> Result<(), Trouble> {
         let (mut clean, mut silent, mut last) = (0, Duration::ZERO, Vec::new());
         for _ in 0..ROUNDS {

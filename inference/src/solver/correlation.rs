@@ -1,7 +1,7 @@
 //! Intervals that hold where residuals hang together in time: where a model is wrong for several samples at a time, and in all channels together.
 //!
 //! The variance of a sample's residual is s² (D + v vᵀ) of the stated noise, and that of an error of the model: a part of the light that wanders through a curve with a correlation time, partly the same in all channels.
-//! Its size, its time and the part that the channels share are not known. Each place of a grid of them (flat in the logarithms of size and time) counts by its restricted likelihood, which has lost as many degrees of
+//! The error's size, its time and the part that the channels share are not known. Each place of a grid of them (flat in the logarithms of size and time) counts by its restricted likelihood, which has lost as many degrees of
 //! freedom as the fit has parameters (Patterson and Thompson 1971, Biometrika 58, 545). The estimates stay those of the fit. At each place of the grid their covariance is that of least squares whose errors have this
 //! covariance (the "sandwich" A Ω Aᵀ); an interval has 95 % of the mixture of the normal distributions of all places, so that it is as wide as few correlation times in a pass make it.
 //!
@@ -74,7 +74,7 @@ impl Form {
         }
     }
 
-    /// What becomes of them after a time, for a correlation time of 1, row by row: with unit matrices for their covariance where nothing is known of them.
+    /// Factors by which they go on after a time, for a correlation time of 1, row by row: with unit matrices for their covariance where nothing is known of them.
     fn after(self, dt: f64) -> [f64; 4] {
         match self {
             Self::Rough => [(-dt).exp(), 0.0, 0.0, 0.0],
@@ -93,7 +93,7 @@ struct Moment {
     /// Since the moment before of the same curve; `None` of a curve's first.
     dt: Option<f64>,
     first: usize,
-    /// Of each row: what an error of 1 of all channels' light does to it, and of each channel's.
+    /// Rows of factors: what an error of 1 of all channels' light does to it, and of each channel's.
     rows: Vec<Vec<f64>>,
 }
 
@@ -218,7 +218,7 @@ impl Grid {
 }
 
 impl Residuals {
-    /// What is `left` of whitened rows, beside what was fitted: the rows of `pull`, and `nuisance`, columns that all samples of a channel have in common. `rates` are the model's. `None` where there is too little.
+    /// Takes what is `left` of whitened rows, beside what was fitted: the rows of `pull`, and `nuisance`, columns that all samples of a channel have in common. `rates` are the model's. `None` where there is too little.
     pub fn new(
         whitener: &Whitener,
         time_s: &[Vec<f64>],
@@ -545,7 +545,7 @@ impl Residuals {
         sums
     }
 
-    /// What hangs together, and what it does to numbers that are linear in the rows, by the matrix `a`. `None` where residuals do not hang together.
+    /// Correlation of the residuals, and what it does to numbers that are linear in the rows, by the matrix `a`. `None` where residuals do not hang together.
     pub fn spread(&self, a: &DMatrix<f64>) -> Option<(ResidualCorrelation, Spread)> {
         let (places, log_likelihood_ratio) = self.places()?;
         let most = places.iter().map(|p| p.likelihood + p.cell).fold(f64::NEG_INFINITY, f64::max);

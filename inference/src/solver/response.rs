@@ -20,7 +20,7 @@ pub(super) struct Response {
     pub bounds: Vec<(f64, f64)>,
     /// Rows of `pull` of parameters that stand at a bound, as if they alone could leave it.
     pub held: Vec<(usize, DVector<f64>)>,
-    /// What the loss leaves of the whitened residuals over the mean slope of its influence: the parameters' errors are `pull` times its errors.
+    /// The whitened residuals that the loss leaves, over the mean slope of its influence: the parameters' errors are `pull` times its errors.
     pub left: DVector<f64>,
 }
 

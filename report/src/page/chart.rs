@@ -158,7 +158,7 @@ impl Chart {
             });
         }
         ChartData {
-            id: &self.id,
+            id: self.id,
             title: &self.title,
             label: &self.label,
             scale: self.scale.name(),

@@ -18,7 +18,7 @@ pub struct Night {
     pub pull: f64,
 }
 
-/// What was held of intervals of 95 %.
+/// Counts of 95 % intervals that held.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coverage {
     /// Nights.

@@ -223,7 +223,7 @@ pub(super) struct Judge<'a> {
     pub misfit: f64,
     cosines: Vec<f64>,
     rays: Rays,
-    /// What was seen at the numbers that were asked for last.
+    /// The numbers that were asked for last, and what was seen at them.
     last: RefCell<(Vec<f64>, Vec<f64>)>,
 }
 

@@ -297,7 +297,7 @@ struct Mirror {
 #[derive(Debug, Clone)]
 pub struct Surface {
     rise: Term,
-    /// Of the light of the measurement: the share that is polarised across the plane of incidence less that in it.
+    /// Polarisation of the measurement's light: the share that is polarised across the plane of incidence less that in it.
     across: f64,
     lobes: Vec<Part>,
     mirror: Option<Mirror>,
