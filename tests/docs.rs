@@ -53,6 +53,11 @@ fn the_page_of_uncertainties_is_that_of_the_campaigns() {
     }
 }
 
+/// A row: its values by the names of their columns.
+type Row<'a> = &'a dyn Fn(&str) -> f64;
+/// Something that is asked of a row.
+type OfRow<'a, T> = dyn Fn(Row<'_>) -> T + 'a;
+
 /// Rows of a campaign, by column.
 struct Rows {
     columns: Vec<String>,
@@ -74,22 +79,13 @@ impl Rows {
     }
 
     /// Nights of rows that count: `of` intervals each, what they missed, their mean pull.
-    fn nights(
-        &self,
-        counts: &dyn Fn(&dyn Fn(&str) -> f64) -> bool,
-        night: &dyn Fn(&dyn Fn(&str) -> f64) -> Night,
-    ) -> Vec<Night> {
+    fn nights(&self, counts: &OfRow<'_, bool>, night: &OfRow<'_, Night>) -> Vec<Night> {
         let all = self.rows.iter().filter(|row| counts(&|c| self.at(row, c)));
         all.map(|row| night(&|c| self.at(row, c))).collect()
     }
 
     /// Median half-width over 1.96 times the root of the mean square error, of columns of rows that count.
-    fn over_scatter(
-        &self,
-        counts: &dyn Fn(&dyn Fn(&str) -> f64) -> bool,
-        half: &str,
-        square: &dyn Fn(&dyn Fn(&str) -> f64) -> f64,
-    ) -> f64 {
+    fn over_scatter(&self, counts: &OfRow<'_, bool>, half: &str, square: &OfRow<'_, f64>) -> f64 {
         let all: Vec<&Vec<f64>> =
             self.rows.iter().filter(|row| counts(&|c| self.at(row, c))).collect();
         let mut halves: Vec<f64> = all.iter().map(|row| self.at(row, half)).collect();
@@ -101,7 +97,8 @@ impl Rows {
 
 /// The lines of the page's table of rows: what was held, night by night.
 fn counted_by_nights() -> Vec<String> {
-    type Row<'a> = &'a dyn Fn(&str) -> f64;
+    /// Name, campaign, nights, and the median width over the scatter.
+    type Counted = (&'static str, &'static str, Vec<Night>, Option<f64>);
     let several = |below: &'static str, above: &'static str, pull: &'static str| {
         move |row: Row| Night { below: row(below), above: row(above), of: 6.0, pull: row(pull) }
     };
@@ -136,7 +133,7 @@ fn counted_by_nights() -> Vec<String> {
     };
     let square = |row: Row| row("square");
     let k_square = |row: Row| row("k_square");
-    let rows: Vec<(&str, &str, Vec<Night>, Option<f64>)> = vec![
+    let rows: Vec<Counted> = vec![
         (
             "six albedos of a sphere, residuals independent",
             "wandering_sphere",
@@ -172,10 +169,7 @@ fn counted_by_nights() -> Vec<String> {
     let counted: Vec<Coverage> = rows.iter().map(|(.., nights, _)| coverage(nights)).collect();
     let p = holm(&counted.iter().map(|c| c.p).collect::<Vec<_>>());
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
-    let line = |((what, campaign, _, width), (c, p)): (
-        &(&str, &str, Vec<Night>, Option<f64>),
-        (&Coverage, f64),
-    )| {
+    let line = |((what, campaign, _, width), (c, p)): (&Counted, (&Coverage, f64))| {
         let verdict = match (p < 0.05, c.held < 0.95) {
             (false, _) => "holds",
             (true, true) => "**too narrow**",

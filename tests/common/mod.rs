@@ -204,7 +204,8 @@ impl Drop for Folder {
 /// Puts the demonstration into a folder under the name that it was given where it was made, `sunglint-demo-2`, since `sunglint-demo` was taken: `sunglint demo --json` runs once for the tests that
 /// begin with it. Returns what it printed.
 pub fn demonstration(folder: &Folder) -> &'static Value {
-    static MADE: OnceLock<(Vec<(PathBuf, Vec<u8>)>, Value)> = OnceLock::new();
+    type Made = (Vec<(PathBuf, Vec<u8>)>, Value);
+    static MADE: OnceLock<Made> = OnceLock::new();
     let (files, printed) = MADE.get_or_init(|| {
         let folder = Folder::new("demonstration");
         std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
