@@ -29,7 +29,7 @@ pub struct StandaSettings {
     pub tells: bool,
     /// Serial number.
     pub serial: u32,
-    /// How long it takes to answer.
+    /// Time that it takes to answer.
     pub latency: Duration,
 }
 

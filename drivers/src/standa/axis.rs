@@ -13,21 +13,21 @@ use crate::turning::{Axis, AxisState, Turning, TurningSettings};
 use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
-/// How long nothing is said before a line is taken to be empty.
+/// Silence after which a line is taken to be empty.
 const QUIET: Duration = Duration::from_millis(50);
 /// More zeros than the longest command has bytes, in pieces.
 const ROUNDS: usize = 40;
 /// More zeros than any line holds between two replies.
 const MOST_ZEROS: usize = 512;
 
-/// How to speak to a controller.
+/// Settings of the line to a controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkSettings {
     /// Counts of a degree: microsteps of a stepper, encoder counts of a DC motor.
     pub counts_per_deg: f64,
     /// Microsteps of a full step for which that holds. A stepper with another division is refused.
     pub microsteps: i32,
-    /// How long an answer may take.
+    /// Longest time for an answer.
     pub reply_within: Duration,
 }
 
@@ -38,7 +38,7 @@ impl LinkSettings {
     }
 }
 
-/// How far the search of the reference is.
+/// Stage of the search of the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
     /// Not asked for.
