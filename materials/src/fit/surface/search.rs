@@ -13,9 +13,8 @@ const TO_THE_END: (usize, f64) = (150, 1e-9);
 /// The misfit of ln f from which a search begins, and the least that is reckoned with.
 pub(super) const MISFIT: f64 = 0.2;
 const LEAST_MISFIT: f64 = 0.005;
-/// Recipes that are judged by incidences left out, of each number of parameters and in all.
+/// Recipes that are judged by incidences left out, of each number of parameters.
 const OF_EACH: usize = 3;
-const IN_ALL: usize = 24;
 /// A recipe that costs more than this many times the best one's cost is not looked at again.
 const HOPELESS: f64 = 4.0;
 /// A start that costs more than this many times the best one's after a look is not followed.
@@ -368,7 +367,8 @@ pub(super) fn finish(
     candidates.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
 }
 
-/// The recipes that are worth leaving incidences out: the best few of each number of parameters.
+/// The recipes that are worth leaving incidences out: the best few of each number of parameters. No number in all ends it: where a simple recipe is the true one, all that contain it cost
+/// as little or a little less, and it would be the one that is left.
 pub(super) fn shortlist(candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<Candidate>) {
     let best = candidates.first().map_or(f64::INFINITY, |c| c.found.cost);
     let mut counts = std::collections::BTreeMap::new();
@@ -378,7 +378,7 @@ pub(super) fn shortlist(candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<Cand
         let count = counts.entry(size).or_insert(0_usize);
         // Noise alone gives a floor below which costs are alike.
         let hopes = candidate.found.cost <= HOPELESS * best;
-        if hopes && *count < OF_EACH && kept.len() < IN_ALL {
+        if hopes && *count < OF_EACH {
             *count += 1;
             kept.push(candidate);
         } else {
