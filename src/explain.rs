@@ -15,7 +15,7 @@ use sunglint_simulator::pass::Overrides;
 pub struct ExplainArgs {
     /// The scene: target, orbit, attitude, station, times (docs/pass.md)
     pub pass: PathBuf,
-    /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]
+    /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%; of a table of single observations 1%]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, value_parser = tolerance)]
     pub tolerance: Option<f64>,
     /// Work that an epoch's light between surfaces may cost, in place of the file's [default: 0.01]

@@ -359,6 +359,12 @@ fn sessions_of_the_database_are_read() {
     // 0.113960 d and 0.328090 d after midnight.
     let times = [0, 34].map(|i| format_utc(read.time[i], 3));
     assert_eq!(times, ["1999-09-04T02:44:06.144Z", "1999-09-04T07:52:26.976Z"]);
+    // Cut within its last magnitude the number is another one: nothing but the missing end of the line tells.
+    let at = zachia.rfind("13.274").unwrap();
+    let cut = read_str("cut.txt", &zachia[..at + 4], Format::Alcdef).unwrap();
+    assert_eq!(cut.magnitude[34], 13.2);
+    assert!(cut.notes.iter().any(|n| n.contains("no ENDDATA follows")), "{:?}", cut.notes);
+    assert!(read.notes.iter().all(|n| !n.contains("ENDDATA")), "{:?}", read.notes);
     // MAGBAND, the band of the magnitudes; FILTER is what stood before the camera.
     assert_eq!(read.filter.as_ref().map(|f| f[0].as_str()), Some("R"));
     let written = write::alcdef(&read, &write::Sender::default()).unwrap();

@@ -18,7 +18,7 @@ const ISS: [&str; 2] = [
 
 fn scene(folder: &Path, orbit: &str, times: &str, attitude: &str) -> Result<Pass, String> {
     let text = format!(
-        "[target]\nbuilt_in = \"box_wing\"\n{orbit}\n[attitude]\nlaw = \"{attitude}\"\n[station]\nname = \"ufo\"\n[times]\n{times}\n"
+        "tolerance = 0.001\n[target]\nbuilt_in = \"box_wing\"\n{orbit}\n[attitude]\nlaw = \"{attitude}\"\n[station]\nname = \"ufo\"\n[times]\n{times}\n"
     );
     let file = PassFile::parse(folder.join("p.toml"), &text).map_err(|e| e.to_string())?;
     let mut pass = file.resolve(Overrides::default()).map_err(|e| e.to_string())?;
@@ -202,6 +202,18 @@ fn overhead_the_range_is_the_height() {
     // Without velocities an exposure has no beginning: the middle stands for it.
     let none = |s: &Simulation<'_>| ndarray::Array2::zeros((s.places.len(), 1));
     assert_eq!(simulation.exposure_means(&none, &|_| ()).unwrap().beyond, 3);
+    // Of a table 1 % where nothing is said, 0.1 % otherwise.
+    let orbit = format!("[orbit]\nlines = [\"{}\", \"{}\"]", ISS[0], ISS[1]);
+    let moment = "from = 2008-09-21T18:46:00Z";
+    for (orbit, times, tolerance) in
+        [("", "table = \"o.csv\"", 0.01), (orbit.as_str(), moment, 0.001)]
+    {
+        let text = format!(
+            "[target]\nbuilt_in = \"cube\"\n{orbit}\n[attitude]\nlaw = \"yaw_steering\"\n[station]\nname = \"ufo\"\n[times]\n{times}\n"
+        );
+        let file = PassFile::parse(folder.path().join("d.toml"), &text).unwrap();
+        assert_eq!(file.resolve(Overrides::default()).unwrap().tolerance, tolerance);
+    }
     let along = scene(folder.path(), "", "table = \"o.csv\"", "orbit").unwrap();
     let error = along.simulate(&|_| ()).unwrap_err();
     assert!(error.to_string().contains("attitude"), "{error}");

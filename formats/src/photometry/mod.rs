@@ -547,6 +547,13 @@ fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         }
         read.notes.push(format!("{words} left out (the first in line {})", lost.1));
     }
+    if matches!(part, Part::Data) && !text.ends_with(['\n', '\r']) {
+        let line = text.lines().count();
+        let note = format!(
+            "line {line} has no end, and no ENDDATA follows: where the file was cut there, its last magnitude is wrong"
+        );
+        read.notes.push(note);
+    }
     if sigma.iter().any(|s: &f64| *s > 0.0) {
         read.sigma_mag = Some(sigma);
     }

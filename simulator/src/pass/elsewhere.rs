@@ -75,11 +75,7 @@ impl Pass {
     /// # Errors
     /// Epochs without an orientation of the Earth; a target at the site.
     pub fn elsewhere(&self, site: &Site, places: &[Place]) -> Result<Vec<Elsewhere>, PassError> {
-        let epochs = || places.iter().map(|p| p.geometry.epoch);
-        let (Some(first), Some(last)) = (epochs().min(), epochs().max()) else {
-            return Ok(Vec::new());
-        };
-        let frames = self.frames(first, last)?;
+        let frames = self.frames(places.iter().map(|p| p.geometry.epoch), 0.0)?;
         let one = |place: &Place| -> Result<Elsewhere, PassError> {
             let geometry = &place.geometry;
             let there = Observer::new(frames.at(geometry.epoch)?, site);

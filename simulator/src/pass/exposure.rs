@@ -179,7 +179,8 @@ impl<'a> Averaging<'a> {
     fn known(&self, samples: Vec<usize>) -> Result<Vec<usize>, PassError> {
         let ends = self.at(&samples, &[-0.5, 0.5]);
         let (first, last) = ends.ends();
-        let (frames, orbit) = (ends.frames(first, last)?, ends.orbit.near(first, last));
+        let frames = ends.frames(ends.times.iter().copied(), 0.0)?;
+        let orbit = ends.orbit.near(first, last);
         let later = hifitime::Duration::from_seconds(ends.correction.time_offset_s);
         let known = |i: usize| {
             let (orbit, site) = ends.of_sample(i, &orbit);

@@ -297,22 +297,27 @@ impl Pass {
         self.times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t)))
     }
 
-    pub(super) fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
-        // Few times far apart are cheaper each on its own.
-        let hours = sunglint_ephemeris::orbit::seconds_between(first, last) / 3600.0;
-        if hours > self.times.len() as f64 {
-            last = first;
+    /// Frames at times, and around each of them; the earliest and the latest, `around_s` before and after, are among them.
+    pub(super) fn frames(
+        &self,
+        times: impl Iterator<Item = Epoch>,
+        around_s: f64,
+    ) -> Result<SkyFrames<'_>, PassError> {
+        let mut all: Vec<Epoch> = times.collect();
+        let around = hifitime::Duration::from_seconds(around_s);
+        let ends = all.iter().copied().min().zip(all.iter().copied().max());
+        if let Some((first, last)) = ends.filter(|_| around_s > 0.0) {
+            all.extend([first - around, last + around]);
         }
-        Ok(SkyFrames::over(first, last, self.orientation())?)
+        Ok(SkyFrames::among(&all, self.orientation())?)
     }
 
     /// Frames and orbit for all epochs, whichever of them are asked for.
     pub(super) fn way(&self) -> Result<Way<'_>, PassError> {
         let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
         let (first, last) = self.ends();
-        let (first, last) = (first + later, last + later);
-        let frames = self.frames(first, last)?;
-        let orbit = self.orbit.near(first, last);
+        let frames = self.frames(self.times.iter().map(|time| *time + later), 0.0)?;
+        let orbit = self.orbit.near(first + later, last + later);
         Ok(Way { pass: self, later, frames, orbit })
     }
 
@@ -322,9 +327,8 @@ impl Pass {
         let longest = self.exposure_s.iter().copied().fold(0.0, f64::max);
         let half = hifitime::Duration::from_seconds(0.5 * longest);
         let (first, last) = self.ends();
-        let (first, last) = (first + later - half, last + later + half);
-        let frames = self.frames(first, last)?;
-        let orbit = self.orbit.near(first, last);
+        let frames = self.frames(self.times.iter().map(|time| *time + later), 0.5 * longest)?;
+        let orbit = self.orbit.near(first + later - half, last + later + half);
         Ok(Way { pass: self, later, frames, orbit })
     }
 

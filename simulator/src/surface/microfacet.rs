@@ -15,6 +15,8 @@ const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
 
 /// The smallest roughness; what is smoother is a mirror.
 pub const LEAST_ALPHA: f64 = 1e-5;
+/// Exponent of Beckmann's density beyond which many directions together are not asked.
+const FAINT_EXPONENT: f64 = 24.0;
 /// The largest roughness.
 pub const LARGEST_ALPHA: f64 = 2.0;
 
@@ -139,9 +141,17 @@ impl Lobe {
         Masked { z: v.z, part }
     }
 
-    /// [`Lobe::reflection`] of two directions that are prepared.
+    /// [`Lobe::reflection`] of two directions that are prepared; 0 in the tails of Beckmann's density, below e^−24 (4e-11) of its peak.
     pub(crate) fn reflection_between(&self, i: (DVec3, Masked), o: (DVec3, Masked)) -> f64 {
-        let density = self.density(i.0 + o.0);
+        let h = i.0 + o.0;
+        if self.distribution == Distribution::Beckmann {
+            let (x, y) = (h.x * self.alpha_y, h.y * self.alpha_x);
+            let z = h.z * self.alpha_x * self.alpha_y;
+            if x * x + y * y > FAINT_EXPONENT * z * z {
+                return 0.0;
+            }
+        }
+        let density = self.density(h);
         if density == 0.0 {
             return 0.0;
         }

@@ -268,12 +268,16 @@ impl Chords {
                 let scale = weight * self.each_m2(patches.list[p].area);
                 for meeting in &self.meets[p - patches.diffuse[0]][0] {
                     let (q, k) = (meeting.patch as usize, meeting.direction as usize);
+                    let weights = &weights[k * count..(k + 1) * count];
+                    // Most directions have nothing of a lobe.
+                    if weights.iter().all(|w| *w == 0.0) {
+                        continue;
+                    }
                     let lit = scale * shares.at(p, sheet.surface, meeting.leaves);
                     if lit == 0.0 {
                         continue;
                     }
                     let (set, large) = (k / self.each as usize, patches.list[q].coarse);
-                    let weights = &weights[k * count..(k + 1) * count];
                     for (c, w) in sheet.channels.clone().zip(weights) {
                         gain.fine[c][q] += lit * w / areas[0][q];
                         gain.sets[set][c][large] += lit * w / areas[1][large];
@@ -303,6 +307,10 @@ impl Chords {
                     let scale = FRAC_1_PI * weight * self.each_m2(patches.list[p].area);
                     for meeting in &self.meets[p - first][0] {
                         let (q, k) = (meeting.patch as usize, meeting.direction as usize);
+                        let weights = &weights[k * count..(k + 1) * count];
+                        if far.fine[q] == 0.0 || weights.iter().all(|w| *w == 0.0) {
+                            continue;
+                        }
                         let there = far.at(q, surface_of(q), meeting.arrives);
                         if there == 0.0 {
                             continue;
@@ -310,7 +318,6 @@ impl Chords {
                         let here = near.at(p, sheet.surface, meeting.leaves);
                         let last = self.diffuse[q] as usize;
                         let set = &mut pairs.sets[k / self.each as usize];
-                        let weights = &weights[k * count..(k + 1) * count];
                         for (c, w) in sheet.channels.clone().zip(weights) {
                             set[c * channels + last] += scale * here * there * w;
                         }
@@ -322,14 +329,18 @@ impl Chords {
                 let scale = weight * self.each_m2(patches.list[p].area);
                 for meeting in &self.meets[p - first][1] {
                     let k = meeting.direction as usize;
+                    let weights = &weights[k * count..(k + 1) * count];
+                    let q = meeting.patch as usize;
+                    if to.fine[q] == 0.0 || weights.iter().all(|w| *w == 0.0) {
+                        continue;
+                    }
                     let here = scale * from.at(p, sheet.surface, meeting.leaves);
                     if here > 0.0 {
                         let along = body(
                             &patched.surfaces.list[sheet.surface],
                             sheet.along[sheet.block(p)][k],
                         );
-                        let sent = (sheet, &weights[k * count..(k + 1) * count]);
-                        self.pair(patched, (meeting, along, here), sent, to, pairs);
+                        self.pair(patched, (meeting, along, here), (sheet, weights), to, pairs);
                     }
                 }
             }
@@ -350,9 +361,7 @@ impl Chords {
         let number = patches.cells[patches.list[q].cells].surface;
         let there = to.at(q, number, meeting.arrives);
         let last = self.sheets.iter().find(|s| s.surface == number);
-        let Some(last) = last.filter(|_| there > 0.0 && sent.iter().any(|w| *w > 0.0)) else {
-            return;
-        };
+        let Some(last) = last.filter(|_| there > 0.0) else { return };
         let face = &surfaces.list[number];
         let eye = local(face, towards(&to.toward, face.point(patches.list[q].middle)));
         pairs.room.clear();

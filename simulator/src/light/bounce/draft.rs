@@ -162,7 +162,8 @@ impl<'a> Draft<'a> {
 
     fn tried(&self, orders: &Orders, room: &mut Views, pair: &Pair) -> Found {
         let eye = Toward::Far(pair.to);
-        let found = room.between(&self.patched, orders, &[(pair.sun, 1.0)], eye);
+        room.see(&self.patched, eye);
+        let found = room.between(&self.patched, orders, &[(pair.sun, 1.0)]);
         found.first().copied().unwrap_or_default()
     }
 

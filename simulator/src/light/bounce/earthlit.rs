@@ -236,11 +236,12 @@ fn by_patches(
 ) -> Vec<(f64, f64)> {
     let mut before: Option<Vec<f64>> = None;
     let mut out = Vec::new();
+    still.see(views, eye);
     for order in ORDERS {
         let rule = cap.rule(order);
         let mut found = Vec::new();
         for layer in 0..cap.layers() {
-            found.extend(still.found(views, &rule.of_layer(layer), eye));
+            found.extend(still.found(views, &rule.of_layer(layer)));
         }
         if let Some(before) = &before {
             let apart = |(s, f): (usize, &(f64, f64))| (f.0 - before[s]).abs();

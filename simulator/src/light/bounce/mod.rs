@@ -238,7 +238,8 @@ impl<'a> Bounce<'a> {
             let bound = bound.share().map_or(pilot.largest, |share| share.min(pilot.largest));
             return nothing(Some(bound), measured);
         }
-        let between = (BETWEEN_NODES * tolerance / pilot.typical().max(1e-3)).clamp(1e-4, ROUGH);
+        let between = BETWEEN_NODES * tolerance / pilot.typical().max(1e-3);
+        let between = between.clamp(effort.between, ROUGH);
         let nodes = Nodes::new(scene.materials(), &among, between)?;
         let terms = nodes
             .spectra()?

@@ -200,12 +200,20 @@ impl Spectral {
         let (lit, seen) = (open(&suns), open(&eyes));
         let packed: Vec<Vec<f64>> =
             suns.iter().map(|row| lit.iter().map(|k| row[*k]).collect()).collect();
+        // Patches of a surface follow one another.
+        let runs: Vec<&[usize]> = lit.chunk_by(|a, b| a + 1 == *b).collect();
         let mut room = vec![0.0; lit.len()];
         let mut one = |matrix: &Stored| {
             let mut out = vec![0.0; eyes.len() * suns.len()];
             for p in &seen {
                 let row = &matrix[p * n..(p + 1) * n];
-                room.iter_mut().zip(&lit).for_each(|(m, q)| *m = f64::from(row[*q]));
+                let mut left = &mut room[..];
+                for run in &runs {
+                    let (here, rest) = left.split_at_mut(run.len());
+                    let from = &row[run[0]..run[0] + run.len()];
+                    here.iter_mut().zip(from).for_each(|(m, q)| *m = f64::from(*q));
+                    left = rest;
+                }
                 for (b, e) in packed.iter().enumerate() {
                     let dot = dot(&room, e);
                     for (a, v) in eyes.iter().enumerate() {

@@ -62,6 +62,8 @@ pub struct Effort {
     /// Error that patches may state where they do not meet the tolerance, as a share of the error that paths would state: where paths would know it better, they are traced besides,
     /// direction by direction, and a pass has many that patches know well.
     pub of_paths: f64,
+    /// Relative error between nodes of wavelength that is worth nothing to go below.
+    pub between: f64,
 }
 
 impl Effort {
@@ -73,6 +75,7 @@ impl Effort {
         numbers: 16_000_000,
         clear: 200,
         of_paths: 0.5,
+        between: 1e-4,
     };
 
     /// For the Sun, with so many light paths to spare: an epoch of patches costs about as their number squared, or as the directions of rough ones.
@@ -93,8 +96,14 @@ impl Effort {
     }
 
     /// For each of the Earth's directions: some 50 µs.
-    pub const EARTH: Self =
-        Self { patches: 100, asked: 800, clear: 0, of_paths: f64::INFINITY, ..Self::SUN };
+    pub const EARTH: Self = Self {
+        patches: 100,
+        asked: 400,
+        clear: 0,
+        of_paths: f64::INFINITY,
+        between: 0.01,
+        ..Self::SUN
+    };
 }
 
 /// Preparation that is done once.
@@ -299,7 +308,8 @@ impl<'a> StillLight<'a> {
 
     /// Adds weights and errors.
     pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
-        let found = self.still.found(&mut self.views, &[(sun, 1.0)], eye);
+        self.still.see(&mut self.views, eye);
+        let found = self.still.found(&mut self.views, &[(sun, 1.0)]);
         let (mut light, mut off): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
         if let Some(rest) = &mut self.rest {
             let beside = light.clone();
@@ -331,9 +341,14 @@ impl Still {
         Views::new(scene, &self.patched)
     }
 
+    /// Looks from the observer, for all that is [`Still::found`] until the next look.
+    pub fn see(&self, views: &mut Views, eye: Toward) {
+        views.see(&self.patched, eye);
+    }
+
     /// Returns the light that patches find for some directions, each times its irradiance, and its claimed error, at each node, m² sr⁻¹.
-    pub fn found(&self, views: &mut Views, from: &[(DVec3, f64)], eye: Toward) -> Vec<(f64, f64)> {
-        let found = views.between(&self.patched, &self.orders, from, eye);
+    pub fn found(&self, views: &mut Views, from: &[(DVec3, f64)]) -> Vec<(f64, f64)> {
+        let found = views.between(&self.patched, &self.orders, from);
         found.iter().map(|f| (f.light, self.claimed(f))).collect()
     }
 

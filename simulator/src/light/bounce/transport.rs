@@ -27,7 +27,7 @@ pub const LEAST_OPEN: f64 = 1e-3;
 const ROUNDS: usize = 40;
 /// Rough surfaces that a ray meets before it ends by chance, in proportion to what it has lost.
 const SAFE: u32 = 2;
-/// Patches whose rays are sent side by side before what they brought is added up: it takes room at each node.
+/// Patches whose rays are sent side by side before what they brought is added up.
 const TOGETHER: usize = 64;
 /// The longest way from one diffuse patch to another.
 const LONGEST: u32 = 100;
@@ -56,10 +56,32 @@ struct Shot {
     /// For each patch.
     hits: Vec<u32>,
     buried: u32,
-    /// For each node and patch.
-    through: Vec<f64>,
+    through: Through,
     /// For each scramble and larger patch.
     scrambles: Vec<f64>,
+}
+
+/// Light that the rays of one patch brought by rough surfaces: most patches get none.
+struct Through {
+    nodes: usize,
+    /// For each patch its row, counted from 1; 0 where there is none.
+    row: Vec<u32>,
+    /// The patches that have rows, and these: the light at each node.
+    patches: Vec<usize>,
+    rows: Vec<f64>,
+}
+
+impl Through {
+    fn add(&mut self, patch: usize, light: &[f64]) {
+        if self.row[patch] == 0 {
+            self.patches.push(patch);
+            self.row[patch] = self.patches.len() as u32;
+            self.rows.resize(self.patches.len() * self.nodes, 0.0);
+        }
+        let row = (self.row[patch] as usize - 1) * self.nodes;
+        let sums = &mut self.rows[row..row + self.nodes];
+        sums.iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
+    }
 }
 
 /// Square symmetric, row by row.
@@ -116,8 +138,10 @@ impl Exchange {
         let row = p * self.count..(p + 1) * self.count;
         self.hits[row.clone()].iter_mut().zip(&shot.hits).for_each(|(sum, own)| *sum += own);
         self.buried[p] += shot.buried;
-        for (sum, own) in self.through.iter_mut().zip(shot.through.chunks(self.count)) {
-            add(&mut sum[row.clone()], own);
+        let rows = shot.through.rows.chunks(shot.through.nodes.max(1));
+        for (q, light) in shot.through.patches.iter().zip(rows) {
+            let sums = self.through.iter_mut().zip(light);
+            sums.for_each(|(sum, light)| sum[p * self.count + q] += light);
         }
         let row = coarse * self.coarse..(coarse + 1) * self.coarse;
         for (sum, own) in self.scrambles.iter_mut().zip(shot.scrambles.chunks(self.coarse)) {
@@ -138,7 +162,12 @@ impl Exchange {
         let mut shot = Shot {
             hits: vec![0; self.count],
             buried: 0,
-            through: vec![0.0; self.count * self.through.len()],
+            through: Through {
+                nodes: self.through.len(),
+                row: vec![0; self.count],
+                patches: Vec::new(),
+                rows: Vec::new(),
+            },
             scrambles: vec![0.0; self.coarse * SCRAMBLES],
         };
         let patch = &patches.list[p];
@@ -171,8 +200,7 @@ impl Exchange {
                     shot.hits[q] += 1;
                     continue;
                 }
-                let through = shot.through.iter_mut().skip(q).step_by(self.count);
-                through.zip(&light).for_each(|(through, light)| *through += light);
+                shot.through.add(q, &light);
             }
         }
         shot

@@ -223,19 +223,25 @@ impl<'a> Views<'a> {
         }
     }
 
-    /// The light of some directions, each times its irradiance, at each wavelength of `orders`: but for what these leave to others.
+    /// Looks from the observer.
+    pub fn see(&mut self, patched: &Patched, eye: Toward) {
+        let ([_, of_eye], [_, to]) = (&mut self.shares, &mut self.ends);
+        to.clear();
+        self.viewer.look(patched, eye, false, of_eye);
+        to.add(patched, of_eye, 1.0);
+    }
+
+    /// The light of some directions, each times its irradiance, at each wavelength of `orders`, for the observer that it was looked from last: but for what
+    /// these leave to others.
     pub fn between(
         &mut self,
         patched: &Patched,
         orders: &Orders,
         from: &[(DVec3, f64)],
-        eye: Toward,
     ) -> Vec<Found> {
         let [of_sun, of_eye] = &mut self.shares;
         let [sun, to] = &mut self.ends;
-        to.clear();
-        self.viewer.look(patched, eye, false, of_eye);
-        to.add(patched, of_eye, 1.0);
+        let eye = of_eye.toward;
         sun.clear();
         self.pairs.clear();
         self.twice.clear(&patched.clear, eye);

@@ -113,16 +113,11 @@ impl Reader<'_> {
             return Err(ParseError::new(path, found, "no vx_km_s").in_field("vx_km_s").into());
         }
         let names = names(table, n);
-        let (first, mut last) = ends(&rows.times);
-        // Few times far apart are cheaper each on its own.
-        if seconds_between(first, last) / 3600.0 > n as f64 {
-            last = first;
-        }
         let sky = |e: &dyn std::fmt::Display, i: usize| {
             ParseError::new(path, e.to_string(), "a place of the target")
                 .in_field(format!("row {}", i + 1))
         };
-        let frames = SkyFrames::over(first, last, orientation).map_err(|e| sky(&e, 0))?;
+        let frames = SkyFrames::among(&rows.times, orientation).map_err(|e| sky(&e, 0))?;
         let one = |i: usize| -> Result<Arc<Observation>, ParseError> {
             let velocity = velocities.as_ref().map(|v| v[i]);
             let snapshot = |position: DVec3| {
@@ -329,10 +324,6 @@ fn range_to(observer: &Observer, line: DVec3, height_m: f64) -> Option<f64> {
         if height(middle)? > 0.0 { high = middle } else { low = middle }
     }
     Some(0.5 * (low + high))
-}
-
-fn ends(times: &[Epoch]) -> (Epoch, Epoch) {
-    times.iter().fold((times[0], times[0]), |(a, b), t| (a.min(*t), b.max(*t)))
 }
 
 fn lacks(path: &Path, missing: &str, of: &[&str]) -> ParseError {
