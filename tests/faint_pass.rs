@@ -21,6 +21,9 @@ const COLUMNS: &[&str] = &[
     "exact_pull",
     // Whether residuals hang together.
     "correlated",
+    // What `id400` counted in the last 14 s before the pass and in the 40 s after it, less what it counts there in the mean, Hz.
+    "off_before",
+    "off_after",
     // Error and σ of each channel (r, g, b, id400, spcm, mppc), %.
     "error_1",
     "error_2",
@@ -61,6 +64,25 @@ fn kappas(folder: &Folder) -> [BTreeMap<String, f64>; 2] {
     let text = std::fs::read_to_string(folder.path("session/virtual/truth.json")).unwrap();
     let truth: serde_json::Value = serde_json::from_str(&text).unwrap();
     [found, serde_json::from_value(truth["kappa"].clone()).unwrap()]
+}
+
+/// Errors of the level from which the pass of `id400` rises, before it and after it, Hz.
+fn off_levels(folder: &Folder) -> [f64; 2] {
+    let text = std::fs::read_to_string(folder.path("session/virtual/truth.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&text).unwrap();
+    // The dark rate of the station's file, and the sky.
+    let mean = 756.0 + truth["sky_hz"]["id400"].as_f64().unwrap();
+    let counts = std::fs::read_to_string(folder.path("session/counts/tagger.ecsv")).unwrap();
+    [("16:38:16", "16:38:30"), ("16:46:30", "16:47:10")].map(|(from, to)| {
+        let [from, to] = [from, to].map(|t| format!("2020-11-18T{t}"));
+        let bins: Vec<f64> = (counts.lines())
+            .filter(|l| (from.as_str()..to.as_str()).contains(l))
+            .map(|l| l.split(',').nth(4).unwrap().parse().unwrap())
+            .collect();
+        let rate = bins.iter().sum::<f64>() / bins.len() as f64;
+        // A dead time of 10 µs that is not prolonged.
+        rate / (1.0 - 1e-5 * rate) - mean
+    })
 }
 
 /// The light of both satellites, the same on every night.
@@ -122,7 +144,8 @@ fn night(seed: u64, light: &Folder) -> Vec<f64> {
         }
     }
     let correlated = f64::from(u8::from(!fit["fit"]["correlation"].is_null()));
-    [sums.concat(), vec![correlated], own.concat()].concat()
+    let [before, after] = off_levels(&folder);
+    [sums.concat(), vec![correlated, before, after], own.concat()].concat()
 }
 
 /// The demonstration's nights, each with other photons, seeing and clouded stars, up to the fit of the sphere, which climbs from 14° above the horizon: its points are there twice as wide as those of the
