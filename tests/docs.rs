@@ -93,6 +93,32 @@ impl Rows {
         let squares: f64 = all.iter().map(|row| square(&|c| self.at(row, c))).sum();
         halves[halves.len() / 2] / (1.96 * (squares / all.len() as f64).sqrt())
     }
+
+    fn column(&self, name: &str) -> Vec<f64> {
+        self.rows.iter().map(|row| self.at(row, name)).collect()
+    }
+
+    /// Median of σ over the root of the mean square error of its channel.
+    fn channels_over_scatter(&self, kind: &str, channels: impl IntoIterator<Item = u8>) -> f64 {
+        let mut all = Vec::new();
+        for c in channels {
+            let errors = self.column(&format!("{kind}error_{c}"));
+            let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+            all.extend(self.column(&format!("{kind}sigma_{c}")).iter().map(|s| s / square.sqrt()));
+        }
+        median(all)
+    }
+
+    /// Median of σ with the κ of the night's stars over that with the true one.
+    fn over_exact(&self, c: u8) -> f64 {
+        let [own, exact] = ["", "exact_"].map(|kind| self.column(&format!("{kind}sigma_{c}")));
+        median(own.iter().zip(exact).map(|(a, b)| a / b).collect())
+    }
+}
+
+fn median(mut all: Vec<f64>) -> f64 {
+    all.sort_by(f64::total_cmp);
+    all[all.len() / 2]
 }
 
 /// The lines of the page's table of rows: what was held, night by night.
@@ -110,8 +136,10 @@ fn counted_by_nights() -> Vec<String> {
             pull: row(pull),
         }
     };
-    let wandering = Rows::new("wandering_sphere");
+    let campaigns = ["wandering_sphere", "wandering_sphere_from_10000"];
+    let blocks = campaigns.map(Rows::new);
     let (bodies, spins) = (Rows::new("tumbling_stages"), Rows::new("attitude"));
+    let faint = Rows::new("faint_pass");
     let all = |_: Row| true;
     let alone = |row: Row| row("kind") == 0.0;
     let wrong = |row: Row| row("kind") > 0.0;
@@ -133,31 +161,49 @@ fn counted_by_nights() -> Vec<String> {
     };
     let square = |row: Row| row("square");
     let k_square = |row: Row| row("k_square");
-    let rows: Vec<Counted> = vec![
-        (
+    let mut rows: Vec<Counted> = Vec::new();
+    for (wandering, campaign) in blocks.iter().zip(campaigns) {
+        let quantities = [
             "six albedos of a sphere, residuals independent",
-            "wandering_sphere",
-            wandering.nights(&alone, &several("below", "above", "pull")),
-            Some(wandering.over_scatter(&alone, "half", &square)),
-        ),
-        (
             "the same, the model wrong by 3 % for 2 to 16 samples",
-            "wandering_sphere",
-            wandering.nights(&wrong, &several("below", "above", "pull")),
-            Some(wandering.over_scatter(&wrong, "half", &square)),
-        ),
-        (
             "extinction, which six channels share, residuals independent",
-            "wandering_sphere",
-            wandering.nights(&alone, &one("k_missed", "k_pull")),
-            Some(wandering.over_scatter(&alone, "k_half", &k_square)),
-        ),
-        (
             "the same, the model wrong by 3 % for 2 to 16 samples",
-            "wandering_sphere",
-            wandering.nights(&wrong, &one("k_missed", "k_pull")),
-            Some(wandering.over_scatter(&wrong, "k_half", &k_square)),
-        ),
+        ];
+        let counts: [&OfRow<'_, bool>; 2] = [&alone, &wrong];
+        for (k, what) in quantities.into_iter().enumerate() {
+            let which = counts[k % 2];
+            rows.push(if k < 2 {
+                (
+                    what,
+                    campaign,
+                    wandering.nights(which, &several("below", "above", "pull")),
+                    Some(wandering.over_scatter(which, "half", &square)),
+                )
+            } else {
+                (
+                    what,
+                    campaign,
+                    wandering.nights(which, &one("k_missed", "k_pull")),
+                    Some(wandering.over_scatter(which, "k_half", &k_square)),
+                )
+            });
+        }
+    }
+    let of_stars = several("below", "above", "pull");
+    // One channel's intervals are 1.96 σ to both sides.
+    let exact = |channels: &'static [u8]| {
+        move |row: Row| {
+            let off = |c: &u8| row(&format!("exact_error_{c}")) / row(&format!("exact_sigma_{c}"));
+            let off: Vec<f64> = channels.iter().map(off).collect();
+            Night {
+                below: off.iter().filter(|off| **off > 1.96).count() as f64,
+                above: off.iter().filter(|off| **off < -1.96).count() as f64,
+                of: off.len() as f64,
+                pull: off.iter().sum::<f64>() / off.len() as f64,
+            }
+        }
+    };
+    rows.extend([
         (
             "the period of a tumbling rocket body",
             "tumbling_stages",
@@ -165,7 +211,23 @@ fn counted_by_nights() -> Vec<String> {
             None,
         ),
         ("the axis of a spin, ellipse", "attitude", spins.nights(&all, &ellipse), None),
+        (
+            "six albedos of a sphere, whole nights from photons and pixels",
+            "faint_pass",
+            faint.nights(&all, &of_stars),
+            Some(faint.channels_over_scatter("", 1..=6)),
+        ),
+    ]);
+    let with_exact: [(&str, &'static [u8]); 4] = [
+        ("the same with the κ that the night was made with: the camera's three", &[1, 2, 3]),
+        ("… `id400`", &[4]),
+        ("… `spcm`", &[5]),
+        ("… `mppc`", &[6]),
     ];
+    for (what, channels) in with_exact {
+        let width = faint.channels_over_scatter("exact_", channels.iter().copied());
+        rows.push((what, "faint_pass", faint.nights(&all, &exact(channels)), Some(width)));
+    }
     let counted: Vec<Coverage> = rows.iter().map(|(.., nights, _)| coverage(nights)).collect();
     let p = holm(&counted.iter().map(|c| c.p).collect::<Vec<_>>());
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
@@ -190,7 +252,25 @@ fn counted_by_nights() -> Vec<String> {
             width.map_or("–".to_owned(), |w| format!("{w:.2}")),
         )
     };
-    rows.iter().zip(counted.iter().zip(p)).map(line).collect()
+    let mut lines: Vec<String> = rows.iter().zip(counted.iter().zip(p)).map(line).collect();
+    let channels = [("r", 1), ("g", 2), ("b", 3), ("id400", 4), ("spcm", 5), ("mppc", 6)];
+    for (name, c) in channels {
+        let wider = faint.over_exact(c);
+        let errors = ["", "exact_"].map(|kind| {
+            let all = faint.column(&format!("{kind}error_{c}"));
+            let (n, sum) = (all.len() as f64, all.iter().sum::<f64>());
+            let square = all.iter().map(|e| (e - sum / n).powi(2)).sum::<f64>() / (n - 1.0);
+            let stated = median(faint.column(&format!("{kind}sigma_{c}")));
+            format!("{:+.2} | {:.2} | {stated:.2}", sum / n, square.sqrt())
+        });
+        lines.push(format!("| `{name}` | {} | {} | {wider:.1} |", errors[0], errors[1]));
+    }
+    let (after, errors) = (faint.column("off_after"), faint.column("exact_error_4"));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let slope = dot(&after, &errors) / dot(&after, &after);
+    let sigma = (dot(&errors, &errors) / (errors.len() as f64 * dot(&after, &after))).sqrt();
+    lines.push(format!("{slope:.3} ± {sigma:.3} % for each Hz"));
+    lines
 }
 
 /// Truth: rows that the campaigns wrote (`tests/campaigns/*.tsv`), counted by `sunglint_testkit::coverage`, whose own truths are closed forms and scipy's. Where it fails the lines that belong on the page are printed.

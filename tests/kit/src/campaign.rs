@@ -23,7 +23,8 @@ use std::path::PathBuf;
 #[derive(Debug)]
 pub struct Campaign {
     name: &'static str,
-    n: u64,
+    /// All of the seeds, and those of this run.
+    all: Range<u64>,
     seeds: Range<u64>,
     full: bool,
     rows: Option<Rows>,
@@ -40,12 +41,14 @@ impl Campaign {
     pub fn with_part(name: &'static str, n: u64, few: u64) -> Self {
         assert!(n >= 10, "a campaign has at least ten seeds");
         let full = wanted(name);
+        assert!(!full || from() == 0, "{name} keeps no rows: it has no other block of seeds");
         let seeds = 0..if full { n } else { few };
-        Self { name, n, seeds, full, rows: None, figures: Vec::new() }
+        Self { name, all: 0..n, seeds, full, rows: None, figures: Vec::new() }
     }
 
     /// A campaign of `n` seeds that cost so much that it is run in shards: what came of each seed is a row of `tests/campaigns/NAME.tsv`, kept as soon as it is known, and the whole is
-    /// judged by all rows. `./test --campaign NAME --shard K/N` runs the K-th of N parts of the seeds; any other run takes the first `few`.
+    /// judged by all rows. `./test --campaign NAME --shard K/N` runs the K-th of N parts of the seeds; any other run takes the first `few`. With `--from FIRST` the seeds are another block,
+    /// FIRST…FIRST+n−1, whose files are `NAME_from_FIRST`.
     pub fn in_shards(
         name: &'static str,
         n: u64,
@@ -53,15 +56,17 @@ impl Campaign {
         columns: &'static [&'static str],
     ) -> Self {
         let full = wanted(name);
-        let seeds = match (full, std::env::var("SUNGLINT_SHARD")) {
+        let first = if full { from() } else { 0 };
+        let part = match (full, std::env::var("SUNGLINT_SHARD")) {
             (true, Ok(text)) => shard(&text, n),
             (true, Err(_)) => 0..n,
             (false, _) => 0..few,
         };
-        let path = repository().join("tests/campaigns").join(format!("{name}.tsv"));
+        let (all, seeds) = (first..first + n, first + part.start..first + part.end);
+        let path = path(name, first, "tsv");
         let mut rows = if full { Rows::read(path, columns) } else { Rows::new(columns) };
         rows.forget(seeds.clone());
-        Self { name, n, seeds, full, rows: Some(rows), figures: Vec::new() }
+        Self { name, all, seeds, full, rows: Some(rows), figures: Vec::new() }
     }
 
     /// The seeds of this run.
@@ -85,7 +90,7 @@ impl Campaign {
 
     /// Whether every seed of the whole campaign has been run, here or in shards before.
     pub fn is_whole(&self) -> bool {
-        self.full && self.rows.as_ref().is_none_or(|rows| rows.missing(self.n).is_empty())
+        self.full && self.rows.as_ref().is_none_or(|rows| rows.missing(self.all.clone()).is_empty())
     }
 
     /// The largest of something over the seeds: a part's cannot exceed the whole's by more than rounding.
@@ -100,9 +105,9 @@ impl Campaign {
     pub fn finish(self) {
         let path = self.path();
         if self.full {
-            let missing = self.rows.as_ref().map_or(0, |rows| rows.missing(self.n).len());
+            let (missing, n) = (self.missing(), self.all.end - self.all.start);
             if missing > 0 {
-                println!("{}: {missing} of {} seeds are still to be run", self.name, self.n);
+                println!("{}: {missing} of {n} seeds are still to be run", self.name);
             }
             let written = std::fs::write(&path, self.toml());
             assert!(written.is_ok(), "cannot write {}: {written:?}", path.display());
@@ -127,18 +132,23 @@ impl Campaign {
     }
 
     fn path(&self) -> PathBuf {
-        repository().join("tests/campaigns").join(format!("{}.toml", self.name))
+        path(self.name, self.all.start, "toml")
+    }
+
+    /// Seeds without a row.
+    fn missing(&self) -> u64 {
+        self.rows.as_ref().map_or(0, |rows| rows.missing(self.all.clone()).len() as u64)
     }
 
     fn toml(&self) -> String {
         let commits = self.rows.as_ref().map_or_else(commit, Rows::commits);
-        let missing = self.rows.as_ref().map_or(0, |rows| rows.missing(self.n).len() as u64);
-        let seeds = match missing {
-            0 => format!("first_seed = 0\nseeds = {}", self.n),
-            n => format!(
-                "# those in {}.tsv\nseeds = {}\nstill_to_be_run = {n}",
+        let n = self.all.end - self.all.start;
+        let seeds = match self.missing() {
+            0 => format!("first_seed = {}\nseeds = {n}", self.all.start),
+            missing => format!(
+                "# those in {}.tsv\nseeds = {}\nstill_to_be_run = {missing}",
                 self.name,
-                self.n - n
+                n - missing
             ),
         };
         let mut text = format!(
@@ -150,6 +160,19 @@ impl Campaign {
         }
         text
     }
+}
+
+/// A file of a campaign, of the block that begins with the seed `first`.
+fn path(name: &str, first: u64, ending: &str) -> PathBuf {
+    let block = if first == 0 { String::new() } else { format!("_from_{first}") };
+    repository().join("tests/campaigns").join(format!("{name}{block}.{ending}"))
+}
+
+/// The first seed of the block that is asked for.
+fn from() -> u64 {
+    let Ok(text) = std::env::var("SUNGLINT_FROM") else { return 0 };
+    let Ok(first) = text.parse() else { panic!("SUNGLINT_FROM={text}: expected a seed") };
+    first
 }
 
 /// Whether this run is the whole campaign of that name.

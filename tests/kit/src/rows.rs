@@ -62,9 +62,9 @@ impl Rows {
         self.rows.values().map(|(_, values)| values[at]).collect()
     }
 
-    /// The seeds of 0…n−1 that have no row.
-    pub fn missing(&self, n: u64) -> Vec<u64> {
-        (0..n).filter(|seed| !self.rows.contains_key(seed)).collect()
+    /// Those of some seeds that have no row.
+    pub fn missing(&self, seeds: Range<u64>) -> Vec<u64> {
+        seeds.filter(|seed| !self.rows.contains_key(seed)).collect()
     }
 
     /// The commits that the rows are of, each once.
@@ -118,11 +118,11 @@ mod tests {
         let mut back = Rows::read(path.clone(), COLUMNS);
         assert_eq!(back.column("a"), [-0.25, 1.5]);
         assert!(back.column("b")[0].is_nan() && back.column("b")[1] == f64::INFINITY);
-        assert_eq!((back.missing(4), back.commits()), (vec![1, 3], "c1 c2".to_owned()));
+        assert_eq!((back.missing(0..4), back.commits()), (vec![1, 3], "c1 c2".to_owned()));
         back.forget(2..4);
         assert_eq!(back.column("a"), [-0.25]);
         // A file of other columns is begun anew.
-        assert_eq!(Rows::read(path, &["a"]).missing(4).len(), 4);
+        assert_eq!(Rows::read(path, &["a"]).missing(0..4).len(), 4);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }
