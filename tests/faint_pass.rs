@@ -1,5 +1,7 @@
 //! A faint, low pass through camera and counters, many nights of it: what the fit states is what it is off by.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use crate::common::Folder;
 use std::collections::BTreeMap;
 use sunglint_calibration::reduction::{ReduceOptions, reduce};
