@@ -102,7 +102,7 @@ fn simulated() -> Folder {
 
 /// Curves of a session as `sunglint reduce` writes them, without the figures, whose drawing is half of a night's time.
 fn reduced(folder: &Folder) {
-    let session = Session::open(&folder.path("session")).unwrap();
+    let session = Session::open(folder.path("session")).unwrap();
     let station = Station::of_session(&session).unwrap();
     let mut night =
         reduce(&session, &station, &ReduceOptions::for_station(&station), &Silent).unwrap();
