@@ -183,8 +183,6 @@ fn campaign_faint_pass() {
     let (errors, sigmas) = (columns("error"), columns("sigma"));
     let pulls = errors.iter().flatten().zip(sigmas.iter().flatten());
     let largest = pulls.map(|(e, s)| (e / s).abs()).fold(0.0, f64::max);
-    // Of many nights this is said and not judged: blue was 5.4 σ off in one of the first 100 (docs/uncertainty.md).
-    assert!(largest < 4.5 || errors[0].len() >= 10, "{largest}");
     let nights = errors[0].len() as f64;
     let mut figures = vec![("largest_off_in_sigmas", largest)];
     if nights >= 10.0 {
@@ -220,4 +218,6 @@ fn campaign_faint_pass() {
         campaign.largest(name, value);
     }
     campaign.finish();
+    // Last, so that the record is written: blue is 5.4 σ off in one of the first 100 nights, and nobody knows why (docs/uncertainty.md).
+    assert!(largest < 4.5, "{largest}");
 }

@@ -667,7 +667,7 @@ const MADE_UP: [&str; 12] = [
 
 /// Truth: closed forms written from the papers, errors of 1 to 5 %, of surfaces of one lobe and Lambert light (GGX, Beckmann, ABg, GGX with Schlick's rise) and of two lobes.
 ///
-/// Asked: the stated 95 % intervals hold 92 to 98 % of the numbers, the simplest true recipe is chosen in 90 %, nothing is NaN. Of a part: as many held and chosen as a binomial's three standard deviations allow.
+/// Asked: the stated 95 % intervals hold 92 to 98 % of the numbers, the simplest true recipe is chosen in 90 %, nothing is NaN. Of a part: as many held as a binomial's three standard deviations allow.
 #[test]
 fn campaign_made_up_surfaces() {
     let mut campaign = Campaign::in_shards("made_up_surfaces", 200, 2, &MADE_UP);
@@ -722,8 +722,7 @@ fn campaign_made_up_surfaces() {
         assert!((0.92..=0.98).contains(&share) && chosen >= 0.9 * surfaces, "{share} {chosen}");
     } else {
         let room = 3.0 * (0.05 * 0.95 / numbers).sqrt();
-        let few = 0.9 * surfaces - 3.0 * (0.1 * 0.9 * surfaces).sqrt();
-        assert!(share >= 0.95 - room && chosen >= few.max(1.0), "{share} {chosen}");
+        assert!(share >= 0.95 - room && chosen >= surfaces - 1.0, "{share} {chosen}");
     }
     campaign.largest("numbers_with_an_interval", numbers);
     campaign.largest("outside_95_percent", numbers - inside);

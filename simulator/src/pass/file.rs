@@ -99,7 +99,7 @@ const BINS_NM: (f64, f64, f64) = (300.0, 1240.0, 5.0);
 const MARGIN_S: f64 = 30.0;
 /// Exposure unless the file says otherwise, s.
 const EXPOSURE_S: f64 = 0.1;
-/// The tolerance of single observations where none is given: 0.011 mag, a fifth of what single magnitudes of satellites are known to at best. Each has a geometry of its own, and none is
+/// The tolerance of single observations where none is given: 0.011 mag, less than what single magnitudes of satellites are mostly known to. Each has a geometry of its own, and none is
 /// interpolated.
 const OBSERVATIONS_TOLERANCE: f64 = 0.01;
 /// The air's tables cost next to nothing: they get so much of the tolerance, and no less than [`LEAST_AIR_TOLERANCE`].

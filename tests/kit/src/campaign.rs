@@ -142,17 +142,18 @@ impl Campaign {
 
     fn toml(&self) -> String {
         let commits = self.rows.as_ref().map_or_else(commit, Rows::commits);
-        let n = self.all.end - self.all.start;
+        let (first, n) = (self.all.start, self.all.end - self.all.start);
+        let block = if first == 0 { String::new() } else { format!(" --from {first}") };
         let seeds = match self.missing() {
-            0 => format!("first_seed = {}\nseeds = {n}", self.all.start),
-            missing => format!(
-                "# those in {}.tsv\nseeds = {}\nstill_to_be_run = {missing}",
-                self.name,
-                n - missing
-            ),
+            0 => format!("first_seed = {first}\nseeds = {n}"),
+            missing => {
+                let rows = path(self.name, first, "tsv");
+                let rows = rows.file_name().unwrap_or_default().display().to_string();
+                format!("# those in {rows}\nseeds = {}\nstill_to_be_run = {missing}", n - missing)
+            }
         };
         let mut text = format!(
-            "# Written by ./test --campaign {}\n{seeds}\ncommit = \"{commits}\"\n\n[figures]\n",
+            "# Written by ./test --campaign {}{block}\n{seeds}\ncommit = \"{commits}\"\n\n[figures]\n",
             self.name
         );
         for (figure, value) in &self.figures {

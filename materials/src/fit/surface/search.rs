@@ -472,3 +472,39 @@ pub(super) fn choose(candidates: &[Candidate], independent: f64) -> Option<usize
             .unwrap_or(std::cmp::Ordering::Equal)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: of recipes that all fit alike, each part more gaining a thousandth as noise lets it, the simplest is the true one, and must be among those that are judged. All recipes of up to two
+    /// lobes have more numbers of parameters than eight, with three recipes and more of each.
+    #[test]
+    fn the_simplest_of_many_that_fit_alike_is_judged() {
+        let simplest = Recipe {
+            lobes: vec![Kind::Ggx],
+            mirror: false,
+            rise: Rise::Constant,
+            floor: Floor::Lambert,
+        };
+        let contains =
+            |recipe: &Recipe| recipe.lobes.contains(&Kind::Ggx) && recipe.floor != Floor::None;
+        let mut candidates: Vec<Candidate> = recipes(2)
+            .into_iter()
+            .filter(contains)
+            .map(|recipe| {
+                let x = vec![0.0; recipe.ranges().len()];
+                let cost = 1.0 - 1e-3 * x.len() as f64;
+                let found = Found { x, cost };
+                Candidate { recipe, found, weight: Vec::new(), folds: Vec::new() }
+            })
+            .collect();
+        candidates.sort_by(|a, b| a.found.cost.total_cmp(&b.found.cost));
+        let count = candidates.len();
+        let (kept, left) = shortlist(candidates);
+        assert_eq!(kept.len() + left.len(), count);
+        assert!(kept.iter().any(|c| c.recipe == simplest), "{} of {count}", kept.len());
+        let of_size = |n: usize| kept.iter().filter(|c| c.found.x.len() == n).count();
+        assert!((1..20).all(|n| of_size(n) <= OF_EACH) && !left.is_empty());
+    }
+}

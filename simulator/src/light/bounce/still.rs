@@ -62,7 +62,7 @@ pub struct Effort {
     /// Error that patches may state where they do not meet the tolerance, as a share of the error that paths would state: where paths would know it better, they are traced besides,
     /// direction by direction, and a pass has many that patches know well.
     pub of_paths: f64,
-    /// Relative error between nodes of wavelength that is worth nothing to go below.
+    /// Least relative error between nodes of wavelength: less is not worth the work.
     pub between: f64,
 }
 
