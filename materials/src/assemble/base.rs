@@ -6,7 +6,7 @@
 //!
 //! Where a lobe ends over diffuse light, what f₀ lacks of the lobe ends with it. So ln q is interpolated as a plane in those coordinates and in the lobe's share of f₀, which is known everywhere.
 
-use super::near::{Point, Tree};
+use super::near::{Near, Point, Tree, apart};
 use crate::ndf::Ndf;
 use crate::samples::{Samples, turned};
 use glam::DVec3;
@@ -208,6 +208,40 @@ pub(super) struct Field<'a> {
     left_out_rms: f64,
 }
 
+/// Where one looked for neighbours before: no farther than that, and the way from there, are those of the next place.
+#[derive(Debug, Default)]
+pub(super) struct Trail {
+    close: Last,
+    around: Last,
+}
+
+/// The last place, and how far its neighbours were.
+#[derive(Debug)]
+struct Last {
+    at: Point,
+    reach: f64,
+}
+
+impl Default for Last {
+    fn default() -> Self {
+        Self { at: [0.0; 4], reach: f64::INFINITY }
+    }
+}
+
+impl Last {
+    fn nearest(&mut self, tree: &Tree, at: &Point, count: usize) -> Vec<Near> {
+        // A little more, for the rounding.
+        let within = (self.reach + apart(at, &self.at).sqrt()) * (1.0 + 1e-9);
+        let near = tree.nearest(at, count, within * within);
+        self.at = *at;
+        self.reach = match near.last() {
+            Some(last) if near.len() == count => last.squared.sqrt(),
+            _ => f64::INFINITY,
+        };
+        near
+    }
+}
+
 /// How a direction's value comes from samples.
 pub(super) struct Stencil {
     /// Samples with weights for ln q.
@@ -269,8 +303,8 @@ impl<'a> Field<'a> {
         let tree = Tree::new(all, if isotropic { 3 } else { 4 });
         let step = (points.len() / 500).max(1);
         let nearest = |p: &Point| {
-            let found = tree.nearest(p, 12);
-            found.iter().map(|f| f.0.sqrt()).find(|d| *d > 1e-6).unwrap_or(0.0)
+            let found = tree.nearest(p, 12, f64::INFINITY);
+            found.iter().map(|f| f.squared.sqrt()).find(|d| *d > 1e-6).unwrap_or(0.0)
         };
         let mut gaps: Vec<f64> = points.iter().step_by(step).map(nearest).collect();
         gaps.sort_by(f64::total_cmp);
@@ -302,7 +336,7 @@ impl<'a> Field<'a> {
                 return f64::NAN;
             }
             let (i, o) = directions[row];
-            let stencil = self.stencil_without(i, o, Some(row));
+            let stencil = self.stencil_without((i, o), Some(row), &mut Trail::default());
             let off = |k: usize| {
                 let found = stencil.keep * self.ln_q(&stencil, k);
                 (found - self.ln_q[row * self.wavelengths + k]).abs()
@@ -346,19 +380,30 @@ impl<'a> Field<'a> {
 
     /// Around a pair of directions.
     pub fn stencil(&self, i: DVec3, o: DVec3) -> Stencil {
-        self.stencil_without(i, o, None)
+        self.stencil_after(i, o, &mut Trail::default())
+    }
+
+    /// The same, sooner where the one before on the trail was near.
+    pub fn stencil_after(&self, i: DVec3, o: DVec3, trail: &mut Trail) -> Stencil {
+        self.stencil_without((i, o), None, trail)
     }
 
     /// The same, as if a sample had not been measured.
-    fn stencil_without(&self, i: DVec3, o: DVec3, without: Option<usize>) -> Stencil {
+    fn stencil_without(
+        &self,
+        (i, o): (DVec3, DVec3),
+        without: Option<usize>,
+        trail: &mut Trail,
+    ) -> Stencil {
         let isotropic = self.microfacets.is_isotropic();
         let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
         let at = coordinates(isotropic, i, o);
         let near = match without {
-            None => self.tree.nearest(&at, NEIGHBOURS),
+            None => trail.close.nearest(&self.tree, &at, NEIGHBOURS),
             Some(row) => {
-                let mut near = self.tree.nearest(&at, NEIGHBOURS + self.images.len());
-                near.retain(|(_, k)| *k != row);
+                let count = NEIGHBOURS + self.images.len();
+                let mut near = self.tree.nearest(&at, count, f64::INFINITY);
+                near.retain(|near| near.number != row);
                 near.truncate(NEIGHBOURS);
                 near
             }
@@ -371,22 +416,22 @@ impl<'a> Field<'a> {
                 measured: false,
             };
         };
-        let distance = first.0.sqrt();
+        let distance = first.squared.sqrt();
         let measured = distance <= BEYOND * self.spacing
             || if isotropic {
                 self.surrounded(&at, &near)
             } else {
                 // Those of one incidence alone are all on one side.
                 distance <= 4.0 * self.spacing
-                    && self.surrounded(&at, &self.tree.nearest(&at, AROUND))
+                    && self.surrounded(&at, &trail.around.nearest(&self.tree, &at, AROUND))
             };
         if distance < 1e-7 {
-            return Stencil { parts: vec![(first.1, 1.0)], keep: 1.0, distance, measured };
+            return Stencil { parts: vec![(first.number, 1.0)], keep: 1.0, distance, measured };
         }
-        let radius2 = near[near.len() - 1].0 * 1.0001;
+        let radius2 = near[near.len() - 1].squared * 1.0001;
         // Weights that grow towards a sample, which is so met.
         let weight = |d2: f64| (1.0 - d2 / radius2).max(0.0).powi(2) / (d2 / radius2 + 1e-6);
-        let weights: Vec<f64> = near.iter().map(|(d2, _)| weight(*d2)).collect();
+        let weights: Vec<f64> = near.iter().map(|near| weight(near.squared)).collect();
         let parts = if measured {
             let share = share(&self.base, self.microfacets.glint(i, o));
             self.plane((&at, share), &near, &weights)
@@ -395,7 +440,7 @@ impl<'a> Field<'a> {
         };
         let parts = parts.unwrap_or_else(|| {
             let all: f64 = weights.iter().sum();
-            near.iter().zip(&weights).map(|((_, k), w)| (*k, w / all)).collect()
+            near.iter().zip(&weights).map(|(near, w)| (near.number, w / all)).collect()
         });
         // Far from all samples the law remains.
         let beyond = (distance - BEYOND * self.spacing).max(0.0) / FADE;
@@ -403,36 +448,24 @@ impl<'a> Field<'a> {
         Stencil { parts, keep, distance, measured }
     }
 
-    /// The image of a sample that is the neighbour: of an anisotropic sample swapped, or half a turn further.
-    fn image(&self, k: usize, at: &Point) -> Point {
-        let p = &self.points[k];
-        if self.images.len() == 1 {
-            return *p;
-        }
-        let apart = |q: &Point| (0..4).map(|k| (q[k] - at[k]).powi(2)).sum::<f64>();
-        let images = self.images.iter().map(|image| times(p, image));
-        images.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(*p)
-    }
-
     /// Whether samples lie around a direction, not all on one side: between two directions of incidence that is so, beyond the last one not.
-    fn surrounded(&self, at: &Point, near: &[(f64, usize)]) -> bool {
-        let reach = near[near.len() - 1].0.sqrt();
+    fn surrounded(&self, at: &Point, near: &[Near]) -> bool {
+        let reach = near[near.len() - 1].squared.sqrt();
         let mut mean = [0.0; 4];
-        for (_, k) in near {
-            let p = self.image(*k, at);
-            for (m, (p, a)) in mean.iter_mut().zip(p.iter().zip(at)) {
+        for one in near {
+            for (m, (p, a)) in mean.iter_mut().zip(one.at.iter().zip(at)) {
                 *m += (p - a) / near.len() as f64;
             }
         }
         let aside = mean.iter().map(|m| m * m).sum::<f64>().sqrt();
-        near[0].0.sqrt() <= 4.0 * self.spacing && aside < 0.5 * reach
+        near[0].squared.sqrt() <= 4.0 * self.spacing && aside < 0.5 * reach
     }
 
     /// Weights that meet every plane through the neighbours; none where they do not span the space.
     fn plane(
         &self,
         place: (&Point, f64),
-        near: &[(f64, usize)],
+        near: &[Near],
         weights: &[f64],
     ) -> Option<Vec<(usize, f64)>> {
         // A constant, the coordinates (an isotropic sample's last is 0), and the lobe's share.
@@ -447,19 +480,18 @@ impl<'a> Field<'a> {
     fn plane_of<const TERMS: usize>(
         &self,
         (at, share): (&Point, f64),
-        near: &[(f64, usize)],
+        near: &[Near],
         weights: &[f64],
     ) -> Option<Vec<(usize, f64)>> {
-        let size = (near[near.len() - 1].0).sqrt().max(1e-12);
-        let row = |k: usize| {
-            let p = self.image(k, at);
+        let size = near[near.len() - 1].squared.sqrt().max(1e-12);
+        let row = |near: &Near| {
             SVector::<f64, TERMS>::from_fn(|t, _| match t {
                 0 => 1.0,
-                t if t + 1 == TERMS => self.share[k] - share,
-                t => (p[t - 1] - at[t - 1]) / size,
+                t if t + 1 == TERMS => self.share[near.number] - share,
+                t => (near.at[t - 1] - at[t - 1]) / size,
             })
         };
-        let basis: Vec<SVector<f64, TERMS>> = near.iter().map(|(_, k)| row(*k)).collect();
+        let basis: Vec<SVector<f64, TERMS>> = near.iter().map(row).collect();
         let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
         for (row, weight) in basis.iter().zip(weights) {
             let weighted = *weight * row;
@@ -480,18 +512,25 @@ impl<'a> Field<'a> {
         let parts: Vec<(usize, f64)> = near
             .iter()
             .zip(basis.iter().zip(weights))
-            .map(|((_, k), (row, weight))| (*k, weight * row.dot(&solved)))
+            .map(|(near, (row, weight))| (near.number, weight * row.dot(&solved)))
             .collect();
         // Weights that overshoot are an extrapolation.
         let spread: f64 = parts.iter().map(|p| p.1.abs()).sum();
         (spread < 3.0).then_some(parts)
     }
 
-    /// f \[sr⁻¹\] by wavelength.
-    pub fn values(&self, stencil: &Stencil, i: DVec3, o: DVec3, into: &mut [f64]) {
-        let lobe = self.microfacets.glint(i, o);
+    /// The part of ln q by wavelength that is kept.
+    pub fn kept(&self, stencil: &Stencil, into: &mut [f64]) {
         for (k, value) in into.iter_mut().enumerate() {
-            *value = self.base[k].at(lobe) * (stencil.keep * self.ln_q(stencil, k)).exp();
+            *value = stencil.keep * self.ln_q(stencil, k);
+        }
+    }
+
+    /// f \[sr⁻¹\] by wavelength, of what is kept of ln q.
+    pub fn values(&self, kept: &[f64], i: DVec3, o: DVec3, into: &mut [f64]) {
+        let lobe = self.microfacets.glint(i, o);
+        for ((base, kept), value) in self.base.iter().zip(kept).zip(into) {
+            *value = base.at(lobe) * kept.exp();
         }
     }
 

@@ -8,15 +8,17 @@ mod base;
 mod doubt;
 pub mod files;
 mod near;
+mod refine;
 
 pub use base::Base;
 pub use doubt::Doubt;
 
 use super::ndf::Ndf;
 use super::samples::Samples;
-use base::{Field, Microfacets};
+use base::{Field, Microfacets, Trail};
 use glam::DVec3;
 use rayon::prelude::*;
+use refine::{Filled, filled};
 use serde::Serialize;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
@@ -287,6 +289,9 @@ impl Grids {
     }
 }
 
+/// A slice of the material alone.
+const BLEND: Blend = [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
+
 fn slice(
     microfacets: &Microfacets<'_>,
     field: &Field<'_>,
@@ -305,35 +310,37 @@ fn slice(
     let area = grids.sigma.at(grids.place(i, from));
     let side = options.side;
     let last = (side - 1) as f64;
-    let mut values = vec![0.0; side * side * nl];
-    let mut extrapolated = vec![0_u8; side * side];
-    let mut doubt = vec![0.0; side * side];
-    // What a cell adds to the albedo for each value in it; 0 below the horizon.
-    let mut share = vec![0.0; side * side];
-    for node in 0..side * side {
+    let seen = |node: usize| {
         let s = [(node % side) as f64 / last, (node / side) as f64 / last];
-        let blend: Blend = [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
-        let (u, density) = warp.sample(s, &blend);
+        let (u, density) = warp.sample(s, &BLEND);
         let m = grids.layout.normal(phi, u);
         let mirrored = (2.0 * i.dot(m) * m - i).normalize();
-        let above = mirrored.z > 0.0 && i.dot(m) > 0.0;
-        let o = Layout::above_horizon(mirrored);
-        let h = (i + o).normalize();
-        let stencil = field.stencil(i, o);
-        let into = &mut values[node * nl..(node + 1) * nl];
-        field.values(&stencil, i, o, into);
-        let scale = o.z * 4.0 * area / grids.ndf.at(grids.place(h, from));
-        into.iter_mut().for_each(|v| *v *= scale);
-        extrapolated[node] = u8::from(!stencil.measured);
-        doubt[node] = field.doubt(&stencil, i, o);
-        if above {
-            // dω_o = 4 (i·m) dω_m, dω_m = 2π² u sinθ du, du = ds/density; half of it at the grid's edges.
-            let edge = |s: f64| if s > 0.0 && s < 1.0 { 1.0 } else { 0.5 };
-            let ds = edge(s[0]) * edge(s[1]) / (last * last);
-            let du = if density > 0.0 { ds / density } else { 0.0 };
+        // dω_o = 4 (i·m) dω_m, dω_m = 2π² u sinθ du, du = ds/density; half of it at the grid's edges.
+        let edge = |s: f64| if s > 0.0 && s < 1.0 { 1.0 } else { 0.5 };
+        let ds = edge(s[0]) * edge(s[1]) / (last * last);
+        let du = if density > 0.0 { ds / density } else { 0.0 };
+        let share = if mirrored.z > 0.0 && i.dot(m) > 0.0 {
             let solid = 4.0 * i.dot(m) * 2.0 * PI * PI * u[0] * m.x.hypot(m.y) * du;
-            share[node] = solid * grids.ndf.at(u) / (4.0 * area);
-        }
+            solid * grids.ndf.at(u) / (4.0 * area)
+        } else {
+            0.0
+        };
+        (Layout::above_horizon(mirrored), share)
+    };
+    let (towards, share): (Vec<DVec3>, Vec<f64>) = (0..side * side).map(seen).unzip();
+    let mut trail = Trail::default();
+    let Filled { ln, mut doubt, measured, .. } = filled(side, nl, |node, into: &mut [f64]| {
+        let o = towards[node];
+        let stencil = field.stencil_after(i, o, &mut trail);
+        field.kept(&stencil, into);
+        (field.doubt(&stencil, i, o), stencil.measured)
+    });
+    let extrapolated: Vec<u8> = measured.iter().map(|measured| u8::from(!measured)).collect();
+    let mut values = vec![0.0; side * side * nl];
+    for ((kept, into), o) in ln.chunks(nl).zip(values.chunks_mut(nl)).zip(&towards) {
+        field.values(kept, i, *o, into);
+        let scale = o.z * 4.0 * area / grids.ndf.at(grids.place((i + *o).normalize(), from));
+        into.iter_mut().for_each(|v| *v *= scale);
     }
     let coverage = energy((theta, phi), nl, &mut values, (&extrapolated, &mut doubt), &share);
     let doubt = doubt.into_iter().map(|d| d as f32).collect();

@@ -17,12 +17,24 @@ impl Tree {
         Self { points, axes }
     }
 
-    /// The squared distances and numbers of the `count` nearest, the nearest first.
-    pub fn nearest(&self, to: &Point, count: usize) -> Vec<(f64, usize)> {
-        let mut search = Search { to, axes: self.axes, count, found: Vec::with_capacity(count) };
-        search.within(&self.points, 0, [0.0; 4]);
+    /// The `count` nearest, the nearest first. `within` is a squared distance within which at least so many are known to lie: infinite where nothing is known. It makes the search short.
+    pub fn nearest(&self, to: &Point, count: usize, within: f64) -> Vec<Near> {
+        let found = Vec::with_capacity(count + 1);
+        let mut search = Search { to, axes: self.axes, count, within, found };
+        search.among(&self.points, 0, [0.0; 4]);
         search.found
     }
+}
+
+/// A point that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Near {
+    /// Its squared distance.
+    pub squared: f64,
+    /// Its number.
+    pub number: usize,
+    /// Where it lies.
+    pub at: Point,
 }
 
 fn split(points: &mut [(Point, usize)], axes: usize, depth: usize) {
@@ -45,39 +57,42 @@ fn squared(offsets: &Point) -> f64 {
     offsets.iter().map(|d| d * d).sum()
 }
 
+/// The squared distance of two points.
+pub(super) fn apart(a: &Point, b: &Point) -> f64 {
+    squared(&std::array::from_fn(|k| a[k] - b[k]))
+}
+
 /// A search that goes on: what was found so far, in order.
 struct Search<'a> {
     to: &'a Point,
     axes: usize,
     count: usize,
-    found: Vec<(f64, usize)>,
+    /// What is farther is not among the nearest.
+    within: f64,
+    found: Vec<Near>,
 }
 
 impl Search<'_> {
-    /// Whether a point at this squared distance would be among the nearest.
-    fn is_near(&self, distance: f64) -> bool {
-        self.found.len() < self.count || self.found.last().is_some_and(|last| distance < last.0)
-    }
-
     fn offer(&mut self, (point, number): &(Point, usize)) {
-        let distance = squared(&std::array::from_fn(|k| point[k] - self.to[k]));
-        if !self.is_near(distance) {
+        let near = Near { squared: apart(point, self.to), number: *number, at: *point };
+        if near.squared > self.within {
             return;
         }
-        if self.found.len() == self.count {
-            self.found.pop();
-        }
         // From the end: most that come late belong there.
-        self.found.push((distance, *number));
-        let mut at = self.found.len() - 1;
-        while at > 0 && (distance, *number) < self.found[at - 1] {
-            self.found.swap(at - 1, at);
-            at -= 1;
+        let before = |other: &Near| (other.squared, other.number) <= (near.squared, near.number);
+        let at = self.found.iter().rposition(before).map_or(0, |k| k + 1);
+        if at == self.count {
+            return;
+        }
+        self.found.truncate(self.count - 1);
+        self.found.insert(at, near);
+        if self.found.len() == self.count {
+            self.within = self.within.min(self.found[self.count - 1].squared);
         }
     }
 
     /// Looks at points none of which is nearer than `offsets` along each axis (Arya and Mount 1993).
-    fn within(&mut self, points: &[(Point, usize)], depth: usize, offsets: Point) {
+    fn among(&mut self, points: &[(Point, usize)], depth: usize, offsets: Point) {
         if points.len() <= FEW {
             points.iter().for_each(|point| self.offer(point));
             return;
@@ -90,11 +105,11 @@ impl Search<'_> {
         } else {
             (&points[middle + 1..], &points[..middle])
         };
-        self.within(near, depth + 1, offsets);
+        self.among(near, depth + 1, offsets);
         let mut beyond = offsets;
         beyond[axis] = side;
-        if self.is_near(squared(&beyond)) {
-            self.within(far, depth + 1, beyond);
+        if squared(&beyond) <= self.within {
+            self.among(far, depth + 1, beyond);
         }
     }
 }
@@ -125,17 +140,18 @@ mod tests {
             let tree = Tree::new(points.clone(), axes);
             for _ in 0..50 {
                 let to = at();
-                let mut all: Vec<f64> = points
-                    .iter()
-                    .map(|(p, _)| squared(&std::array::from_fn(|k| p[k] - to[k])))
-                    .collect();
+                let mut all: Vec<f64> = points.iter().map(|(p, _)| apart(p, &to)).collect();
                 all.sort_by(f64::total_cmp);
                 all.truncate(24);
-                let found = tree.nearest(&to, 24);
-                assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), all);
-                for (distance, number) in &found {
-                    let p = points[*number].0;
-                    assert_eq!(*distance, squared(&std::array::from_fn(|k| p[k] - to[k])));
+                let farthest = all[all.len() - 1];
+                // Not knowing anything, and knowing as much as can be known.
+                for within in [f64::INFINITY, 2.0 * farthest, farthest] {
+                    let found = tree.nearest(&to, 24, within);
+                    assert_eq!(found.iter().map(|f| f.squared).collect::<Vec<_>>(), all);
+                    for near in &found {
+                        assert_eq!(near.at, points[near.number].0);
+                        assert_eq!(near.squared, apart(&near.at, &to));
+                    }
                 }
             }
         }
