@@ -35,7 +35,7 @@ const NOTICED: f64 = 2.0;
 const BEYOND: f64 = 1.5;
 /// Cost of lighting one of the scene's facets alone, relative to its cost among all, and the least, relative to what all cost.
 const ALONE: (f64, f64) = (2.0, 0.05);
-/// Error allowed in earthshine, as a share of itself: the Earth is known to half of its light.
+/// Error allowed in earthshine, as a share of itself, as soon as some of the Sun is hidden by the Earth: there it may be all the light that is left. The Earth is known to half of its light.
 const OF_ITSELF: f64 = 0.03;
 /// Light that is less than this of what the body's facets would send if all of them were white and squarely lit is not looked for.
 const FAINT: f64 = 1e-8;
@@ -206,7 +206,7 @@ pub(super) fn product<A: Quantity, B: Quantity>(
 
 impl<'a> Earthshine<'a> {
     /// Earthshine on a scene, found within `tolerance` of all light that an epoch has in full sunlight, that which is scattered once among it, of an Earth that is the same
-    /// everywhere ([`EARTH_ALBEDO`]); and within 3 % of itself, which is what counts in the Earth's shadow.
+    /// everywhere ([`EARTH_ALBEDO`]); and, in the Earth's shadow and at its edge, within 3 % of itself.
     pub fn new(evaluator: Evaluator<'a>, tolerance: f64) -> Self {
         let rules = ORDERS.map(gauss::legendre);
         let (own, mean, rho, room) = Default::default();
@@ -314,11 +314,12 @@ impl<'a> Earthshine<'a> {
         Ok(all)
     }
 
-    /// The cells of an epoch, halved until what they may be off together is little beside `sunlight`, or of themselves.
+    /// The cells of an epoch, halved until what they may be off together is little beside `sunlight`, and at most the share `of_itself` of themselves.
     fn cells(
         &mut self,
         ground: &Ground<'_>,
         sunlight: &[f64; WEIGHED],
+        of_itself: f64,
     ) -> Result<Vec<Cell>, DirectionError> {
         let most = self.asked + MOST_ASKED;
         let mut cells = Vec::new();
@@ -360,7 +361,7 @@ impl<'a> Earthshine<'a> {
             let share = |off: &[f64; WEIGHED]| {
                 let faint = FAINT * FRAC_1_PI * self.area_m2 * irradiance;
                 let may =
-                    |(s, e): (&f64, &f64)| (self.tolerance * (s + e)).min(OF_ITSELF * e).max(faint);
+                    |(s, e): (&f64, &f64)| (self.tolerance * (s + e)).min(of_itself * e).max(faint);
                 let may = sunlight.iter().zip(&earthlight).map(may);
                 let shares = off.iter().zip(may).filter(|(_, may)| *may > 0.0);
                 shares.map(|(off, may)| off / may).fold(0.0, f64::max)
@@ -443,6 +444,7 @@ impl Effect for Earthshine<'_> {
         let mut sunlight = vec![0.0; self.own.len()];
         self.evaluator.direct(lighting.sun_body, lighting.view, &mut sunlight)?;
         let sunlight = at_wavelengths(&sunlight, &self.own);
+        let of_itself = if lighting.sunlit < 1.0 { OF_ITSELF } else { f64::INFINITY };
         let shines = |toward| !cap.radiance(toward).is_empty();
         let radius_rad = (globe.radius_m / globe.distance_m).min(1.0).asin();
         let sky = Sky { shines: &shines, radius_rad };
@@ -451,7 +453,7 @@ impl Effect for Earthshine<'_> {
         self.evaluator.leave_out(&ground.faces);
         let cells = self.bright(mirroring.glints, from).and_then(|glints| {
             ground.glints = glints;
-            self.cells(&ground, &sunlight)
+            self.cells(&ground, &sunlight, of_itself)
         });
         self.evaluator.leave_out(&[]);
         let cells = cells?;

@@ -239,21 +239,34 @@ impl Chords {
         PI * area / (f64::from(self.each) * SCRAMBLES as f64)
     }
 
-    /// Asks the materials for an end. `sends` of the Sun and the Earth, false of an observer.
-    pub fn ask(&self, patched: &Patched, toward: Toward, sends: bool, weights: &mut Weights) {
+    /// Asks the materials for an end, of which a share of each patch in `open` is open: where none is, nothing is asked. `sends` of the Sun and the Earth, false of an
+    /// observer.
+    pub fn ask(
+        &self,
+        patched: &Patched,
+        (toward, sends): (Toward, bool),
+        open: &[f64],
+        weights: &mut Weights,
+    ) {
         weights.near = matches!(toward, Toward::Near(_));
         weights.rows.resize(self.sheets.len(), Vec::new());
         for (sheet, rows) in self.sheets.iter().zip(&mut weights.rows) {
             let surface = &patched.surfaces.list[sheet.surface];
-            let near = || sheet.patches.clone().map(|p| (sheet.block(p), Some(p)));
-            let far = || (0..sheet.along.len()).map(|block| (block, None));
-            let wanted: Vec<_> = if weights.near { near().collect() } else { far().collect() };
-            rows.resize(wanted.len(), Vec::new());
-            for ((block, patch), row) in wanted.into_iter().zip(rows) {
-                let at = patch.map_or(surface.origin, |p: usize| {
-                    surface.point(patched.patches.list[p].middle)
-                });
-                sheet.weights(block, local(surface, towards(&toward, at)), sends, row);
+            let seen = || sheet.patches.clone().filter(|p| open[*p] > 0.0);
+            rows.resize(rows.len().max(sheet.patches.len()), Vec::new());
+            if weights.near {
+                for p in seen() {
+                    let end = towards(&toward, surface.point(patched.patches.list[p].middle));
+                    let row = &mut rows[p - sheet.patches.start];
+                    sheet.weights(sheet.block(p), local(surface, end), sends, row);
+                }
+                continue;
+            }
+            let end = local(surface, towards(&toward, surface.origin));
+            for (block, row) in rows.iter_mut().enumerate().take(sheet.along.len()) {
+                if seen().any(|p| sheet.block(p) == block) {
+                    sheet.weights(block, end, sends, row);
+                }
             }
         }
     }
@@ -391,20 +404,20 @@ impl Sheet {
         patch % self.along.len()
     }
 
-    /// The material's weights along the directions of a block that are in use, sr⁻¹.
+    /// The material's weights along the directions of a block that are in use, sr⁻¹; what stands at the others is left as it was.
     fn weights(&self, block: usize, end: DVec3, sends: bool, out: &mut Vec<f64>) {
         let count = self.channels.len();
-        out.clear();
         out.resize(self.along[block].len() * count, 0.0);
-        if end.z <= 0.0 {
-            return;
-        }
         let end = (end, self.material.masked(end));
         for &k in &self.used[block] {
             let k = k as usize;
+            let row = &mut out[k * count..(k + 1) * count];
+            row.fill(0.0);
+            if end.0.z <= 0.0 {
+                continue;
+            }
             let along = (self.along[block][k], self.masked[block][k]);
             let (i, o) = if sends { (end, along) } else { (along, end) };
-            let row = &mut out[k * count..(k + 1) * count];
             self.material.add_weights_between(i, o, 1.0, row);
         }
     }

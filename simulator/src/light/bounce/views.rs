@@ -98,10 +98,9 @@ impl<'a> Viewer<'a> {
 
     /// Looks from an end; `sends` of Sun and Earth, false of an observer.
     fn look(&mut self, patched: &Patched, toward: Toward, sends: bool, shares: &mut Shares) {
-        patched.chords.ask(patched, toward, sends, &mut shares.weights);
         let Patched { surfaces, patches, areas, .. } = patched;
         shares.toward = toward;
-        let Shares { fine, coarse, cosine, partly, facing, whole, open: rings, .. } = shares;
+        let Shares { fine, coarse, cosine, partly, facing, whole, open: rings, weights, .. } = shares;
         fine.fill(0.0);
         coarse.fill(0.0);
         facing.fill(0.0);
@@ -165,6 +164,7 @@ impl<'a> Viewer<'a> {
                 coarse[patch.coarse] += open / areas[1][patch.coarse];
             }
         }
+        patched.chords.ask(patched, (toward, sends), fine, weights);
     }
 }
 
