@@ -6,7 +6,6 @@ use clap::Args;
 use std::path::PathBuf;
 use sunglint_formats::Table;
 use sunglint_materials::assemble::files::{Assembly, AssemblyFiles, assemble_files};
-use sunglint_numerics::progress::Progress as _;
 use sunglint_report::brdf::assemble::{doubts, missing_table, summary, table, text};
 use sunglint_simulator::surface::measured;
 
@@ -37,7 +36,7 @@ pub struct AssembleArgs {
     /// Incident azimuths of the file, of an anisotropic sample
     #[arg(long, value_name = "N", default_value_t = 17)]
     pub phi_i: usize,
-    /// Side of the file's grid of values, best odd: the plane of incidence is then a row [default: 129, or 97, 65 or 33 where all values would take more than 256 MB]
+    /// Side of the file's grid of values, best odd: the plane of incidence is then a row [default: 129, or 97, 65 or 33 where the file would take more than 256 MB]
     #[arg(long, value_name = "N")]
     pub side: Option<usize>,
     /// Nodes of the file's warps in elevation; in azimuth as many, of an isotropic sample four times as many
@@ -71,8 +70,7 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
         normals: args.normals,
     };
     let bar = Bar::new(console);
-    let begin = || bar.begin("assembling", None);
-    let found = assemble_files(&files, &|warning| console.warn(warning), &begin);
+    let found = assemble_files(&files, &bar);
     drop(bar);
     let found = found?;
     let Assembly { made, inputs, .. } = &found;

@@ -22,6 +22,7 @@ use refine::{Filled, filled};
 use serde::Serialize;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
+use sunglint_numerics::progress::Progress;
 use sunglint_simulator::surface::measured::Layout;
 use sunglint_simulator::surface::{Blend, Grid, Warp};
 
@@ -154,7 +155,7 @@ struct Slice {
     coverage: Coverage,
 }
 
-/// Puts samples and NDF together.
+/// Puts samples and NDF together; `progress` hears of each direction of incidence.
 ///
 /// # Errors
 /// Options out of range, too few samples, an NDF that is 0 everywhere, azimuths that the NDF has not.
@@ -162,6 +163,7 @@ pub fn assemble(
     samples: &Samples,
     ndf: &Ndf,
     options: &AssembleOptions,
+    progress: &dyn Progress,
 ) -> Result<Assembled, AssembleError> {
     check(options)?;
     if ndf.is_isotropic() && samples.has_azimuths() {
@@ -178,11 +180,14 @@ pub fn assemble(
     let nl = samples.wavelength_nm.len();
     let places: Vec<[usize; 2]> =
         (0..phi_i.len()).flat_map(|k| (0..theta_i.len()).map(move |j| [j, k])).collect();
+    progress.begin("directions of incidence", Some(places.len() as u64));
     let slices = places
         .par_iter()
         .map(|[j, k]| {
             let at = ([*j, *k], (theta_i[*j], phi_i[*k]));
-            slice(&microfacets, &field, &grids, at, nl, options)
+            let made = slice(&microfacets, &field, &grids, at, nl, options);
+            progress.advance(1);
+            made
         })
         .collect::<Result<Vec<_>, _>>()?;
     let mut warnings = Vec::new();
@@ -329,12 +334,12 @@ fn slice(
     };
     let (towards, share): (Vec<DVec3>, Vec<f64>) = (0..side * side).map(seen).unzip();
     let mut trail = Trail::default();
-    let Filled { ln, mut doubt, measured, .. } = filled(side, nl, |node, into: &mut [f64]| {
-        let o = towards[node];
-        let stencil = field.stencil_after(i, o, &mut trail);
+    let ask = |node: usize, into: &mut [f64]| {
+        let stencil = field.stencil_after(i, towards[node], &mut trail);
         field.kept(&stencil, into);
-        (field.doubt(&stencil, i, o), stencil.measured)
-    });
+        (field.doubt(&stencil, i, towards[node]), stencil.measured)
+    };
+    let Filled { ln, mut doubt, measured, .. } = filled(side, nl, ask);
     let extrapolated: Vec<u8> = measured.iter().map(|measured| u8::from(!measured)).collect();
     let mut values = vec![0.0; side * side * nl];
     for ((kept, into), o) in ln.chunks(nl).zip(values.chunks_mut(nl)).zip(&towards) {

@@ -1,5 +1,7 @@
 //! The nearest of many points in a few dimensions (Bentley 1975).
 
+use std::ops::Range;
+
 /// Coordinates; those that a problem has not are 0.
 pub(super) type Point = [f64; 4];
 
@@ -17,12 +19,41 @@ impl Tree {
         Self { points, axes }
     }
 
-    /// The `count` nearest, the nearest first. `within` is a squared distance within which at least so many are known to lie: infinite where nothing is known. It makes the search short.
-    pub fn nearest(&self, to: &Point, count: usize, within: f64) -> Vec<Near> {
-        let found = Vec::with_capacity(count + 1);
-        let mut search = Search { to, axes: self.axes, count, within, found };
-        search.among(&self.points, 0, [0.0; 4]);
-        search.found
+    /// The `count` nearest, the nearest first.
+    pub fn nearest(&self, to: &Point, count: usize) -> Vec<Near> {
+        self.nearest_of(to, count, &Known::default())
+    }
+
+    /// The `count` nearest of those that are not to be left out.
+    pub fn nearest_of(&self, to: &Point, count: usize, known: &Known) -> Vec<Near> {
+        let found = Vec::with_capacity(count);
+        let (within, beyond) = (known.within.powi(2), known.hole.powi(2));
+        let without = known.without;
+        let tree = self;
+        let mut search = Search { tree, to, count, within, beyond, without, found };
+        search.among(0..self.points.len(), 0, [0.0; 4]);
+        let near = |(squared, place): (f64, u32)| {
+            let (at, number) = self.points[place as usize];
+            Near { squared, number, at }
+        };
+        search.found.into_iter().map(near).collect()
+    }
+}
+
+/// What is known before a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Known {
+    /// A distance within which at least as many points lie as are wanted: infinite where none is known. It makes the search short.
+    pub within: f64,
+    /// Points of this number are left out.
+    pub without: Option<usize>,
+    /// Points nearer than this are left out.
+    pub hole: f64,
+}
+
+impl Default for Known {
+    fn default() -> Self {
+        Self { within: f64::INFINITY, without: None, hole: 0.0 }
     }
 }
 
@@ -62,49 +93,54 @@ pub(super) fn apart(a: &Point, b: &Point) -> f64 {
     squared(&std::array::from_fn(|k| a[k] - b[k]))
 }
 
-/// A search that goes on: what was found so far, in order.
+/// A search that goes on.
 struct Search<'a> {
+    tree: &'a Tree,
     to: &'a Point,
-    axes: usize,
     count: usize,
-    /// What is farther is not among the nearest.
+    /// Squared; what is farther is not among the nearest.
     within: f64,
-    found: Vec<Near>,
+    /// What is nearer is left out, squared.
+    beyond: f64,
+    without: Option<usize>,
+    /// Squared distances and places in the tree of what was found so far, in order: little is moved where one comes between.
+    found: Vec<(f64, u32)>,
 }
 
 impl Search<'_> {
-    fn offer(&mut self, (point, number): &(Point, usize)) {
-        let near = Near { squared: apart(point, self.to), number: *number, at: *point };
-        if near.squared > self.within {
+    fn offer(&mut self, place: usize) {
+        let (point, number) = &self.tree.points[place];
+        let squared = apart(point, self.to);
+        if squared > self.within || squared < self.beyond || self.without == Some(*number) {
             return;
         }
         // From the end: most that come late belong there.
-        let before = |other: &Near| (other.squared, other.number) <= (near.squared, near.number);
+        let before = |other: &(f64, u32)| {
+            other.0 < squared
+                || (other.0 == squared && self.tree.points[other.1 as usize].1 <= *number)
+        };
         let at = self.found.iter().rposition(before).map_or(0, |k| k + 1);
         if at == self.count {
             return;
         }
         self.found.truncate(self.count - 1);
-        self.found.insert(at, near);
+        self.found.insert(at, (squared, place as u32));
         if self.found.len() == self.count {
-            self.within = self.within.min(self.found[self.count - 1].squared);
+            self.within = self.within.min(self.found[self.count - 1].0);
         }
     }
 
     /// Looks at points none of which is nearer than `offsets` along each axis (Arya and Mount 1993).
-    fn among(&mut self, points: &[(Point, usize)], depth: usize, offsets: Point) {
+    fn among(&mut self, points: Range<usize>, depth: usize, offsets: Point) {
         if points.len() <= FEW {
-            points.iter().for_each(|point| self.offer(point));
+            points.for_each(|place| self.offer(place));
             return;
         }
-        let (axis, middle) = (depth % self.axes, points.len() / 2);
-        self.offer(&points[middle]);
-        let side = self.to[axis] - points[middle].0[axis];
-        let (near, far) = if side < 0.0 {
-            (&points[..middle], &points[middle + 1..])
-        } else {
-            (&points[middle + 1..], &points[..middle])
-        };
+        let (axis, middle) = (depth % self.tree.axes, points.start + points.len() / 2);
+        self.offer(middle);
+        let side = self.to[axis] - self.tree.points[middle].0[axis];
+        let (before, after) = (points.start..middle, middle + 1..points.end);
+        let (near, far) = if side < 0.0 { (before, after) } else { (after, before) };
         self.among(near, depth + 1, offsets);
         let mut beyond = offsets;
         beyond[axis] = side;
@@ -140,17 +176,22 @@ mod tests {
             let tree = Tree::new(points.clone(), axes);
             for _ in 0..50 {
                 let to = at();
-                let mut all: Vec<f64> = points.iter().map(|(p, _)| apart(p, &to)).collect();
-                all.sort_by(f64::total_cmp);
-                all.truncate(24);
-                let farthest = all[all.len() - 1];
-                // Not knowing anything, and knowing as much as can be known.
-                for within in [f64::INFINITY, 2.0 * farthest, farthest] {
-                    let found = tree.nearest(&to, 24, within);
-                    assert_eq!(found.iter().map(|f| f.squared).collect::<Vec<_>>(), all);
-                    for near in &found {
-                        assert_eq!(near.at, points[near.number].0);
-                        assert_eq!(near.squared, apart(&near.at, &to));
+                for (without, hole) in [(None, 0.0), (Some(5), 0.0), (Some(6), 0.3)] {
+                    let others = points.iter().filter(|p| Some(p.1) != without);
+                    let others = others.map(|(p, _)| apart(p, &to));
+                    let mut all: Vec<f64> = others.filter(|d| *d >= hole * hole).collect();
+                    all.sort_by(f64::total_cmp);
+                    all.truncate(24);
+                    // As much as can be known, and nothing.
+                    let farthest = all.last().map_or(0.0, |squared| squared.sqrt() * 1.000_001);
+                    for within in [f64::INFINITY, 2.0 * farthest, farthest] {
+                        let known = Known { within, without, hole };
+                        let found = tree.nearest_of(&to, 24, &known);
+                        assert_eq!(found.iter().map(|f| f.squared).collect::<Vec<_>>(), all);
+                        for near in &found {
+                            assert_eq!(near.at, points[near.number].0);
+                            assert_eq!(near.squared, apart(&near.at, &to));
+                        }
                     }
                 }
             }

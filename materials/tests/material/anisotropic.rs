@@ -9,6 +9,7 @@ use sunglint_materials::ndf::{Ndf, NdfOptions, extract};
 use sunglint_materials::plan::PlanOptions;
 use sunglint_materials::samples::direction;
 use sunglint_materials::table::{Reading, RetroFlags, RetroTable};
+use sunglint_numerics::progress::Silent;
 use sunglint_simulator::surface::measured::material;
 
 /// Along and across the tangent.
@@ -96,7 +97,7 @@ fn geometries(count: usize) -> Vec<(DVec3, DVec3)> {
 
 /// Truth: the closed forms of GGX and Beckmann lobes of 0.1 along and 0.3 across, from retro-reflection by azimuth over a plan (of half the circle, and of a quarter of it, which is then
 /// mirrored) to a file. Tolerance: D 1e-3 where it was measured and exceeds 1e-3 of its peak. The file, where f cosθ exceeds 1e-3 of that in the mirrored direction, is no promise but what
-/// so coarse a grid leaves (half of all directions 0.2 %, nine in ten 2.5 %, 99 % 9 %): between its azimuths, 22.5° apart, the horizon turns with the light. 17 azimuths, 24 elevations and 41 by 41
+/// so coarse a grid leaves (half of all directions 0.1 %, nine in ten 1.2 %, 99 % 8 %): between its azimuths, 22.5° apart, the horizon turns with the light. 17 azimuths, 24 elevations and 41 by 41
 /// values, too long for the suite: 0.06 %, 1.3 %, 4 %.
 #[test]
 fn an_anisotropic_sample_comes_back() {
@@ -122,7 +123,7 @@ fn an_anisotropic_sample_comes_back() {
         let samples = measured(f, &ndf, &options);
         let options =
             AssembleOptions { phi_i: 9, theta_i: 16, side: 25, normals: 128, mirrored: quarter };
-        let made = assemble(&samples, &ndf, &options).unwrap();
+        let made = assemble(&samples, &ndf, &options, &Silent).unwrap();
         let beyond = made.coverage.iter().map(|c| c.extrapolated_albedo).sum::<f64>()
             / made.coverage.len() as f64;
         let back = material(name, "memory", &made.file).unwrap();
@@ -139,7 +140,7 @@ fn an_anisotropic_sample_comes_back() {
             "{name}: D {off:.1e}; {} directions; {at:.5?}; extrapolated {beyond:.3}",
             made.used
         );
-        assert!(at[0] < 2e-3 && at[1] < 2.5e-2 && at[2] < 9e-2, "{name}: {at:?}");
-        assert!(beyond < 0.25, "{name}: {beyond}");
+        assert!(at[0] < 1e-3 && at[1] < 1.2e-2 && at[2] < 8e-2, "{name}: {at:?}");
+        assert!(beyond < 0.3, "{name}: {beyond}");
     }
 }

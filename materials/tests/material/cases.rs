@@ -8,6 +8,7 @@ use sunglint_materials::ndf::{Ndf, NdfOptions, extract};
 use sunglint_materials::plan::{PlanOptions, Rig, plan};
 use sunglint_materials::samples::{Sample, Samples};
 use sunglint_materials::table::{Reading, RetroFlags, RetroTable};
+use sunglint_numerics::progress::Silent;
 
 pub const WAVELENGTHS_NM: [f64; 3] = [400.0, 550.0, 800.0];
 
@@ -175,7 +176,7 @@ pub fn from_plan(
 ) -> Assembled {
     let ndf = density(law);
     let plan = PlanOptions { theta_i, side, ..PlanOptions::default() };
-    assemble(&measured(law, &ndf, &plan), &ndf, options).unwrap()
+    assemble(&measured(law, &ndf, &plan), &ndf, options, &Silent).unwrap()
 }
 
 /// A file that is coarser than the program's, where it is not the file that limits: a third of the time.
@@ -203,7 +204,7 @@ pub fn of_rig(name: &str) -> &'static (Ndf, Assembled) {
         let (_, law) = SIX[at];
         let ndf = density(law);
         let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
-        let made = assemble(&measured(law, &ndf, &plan), &ndf, &coarse()).unwrap();
+        let made = assemble(&measured(law, &ndf, &plan), &ndf, &coarse(), &Silent).unwrap();
         (ndf, made)
     })
 }
@@ -214,6 +215,7 @@ pub fn glossy_whole() -> &'static Assembled {
     MADE.get_or_init(|| {
         let ndf = density_beside(glossy, true);
         let plan = PlanOptions { theta_i: 16, side: 17, ..PlanOptions::default() };
-        assemble(&measured(glossy, &ndf, &plan), &ndf, &AssembleOptions::default()).unwrap()
+        assemble(&measured(glossy, &ndf, &plan), &ndf, &AssembleOptions::default(), &Silent)
+            .unwrap()
     })
 }

@@ -100,7 +100,8 @@ impl<'a> Viewer<'a> {
     fn look(&mut self, patched: &Patched, toward: Toward, sends: bool, shares: &mut Shares) {
         let Patched { surfaces, patches, areas, .. } = patched;
         shares.toward = toward;
-        let Shares { fine, coarse, cosine, partly, facing, whole, open: rings, weights, .. } = shares;
+        let Shares { fine, coarse, cosine, partly, facing, whole, open: rings, weights, .. } =
+            shares;
         fine.fill(0.0);
         coarse.fill(0.0);
         facing.fill(0.0);
