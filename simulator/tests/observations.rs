@@ -285,6 +285,7 @@ fn tables_that_say_no_place_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let cases = [
         ("time_utc\n2020-01-01T00:00:00Z\n", "where the target is"),
+        ("time_utc,altitude_deg,azimuth_deg,range_km\n", "0 rows"),
         ("time_utc,altitude_deg,azimuth_deg\n2020-01-01T00:00:00Z,40,20\n", "range_km"),
         ("time_utc,altitude_deg,range_km\n2020-01-01T00:00:00Z,40,800\n", "azimuth_deg"),
         ("jd,altitude_deg,azimuth_deg,range_km\n2459000.5,40,20,900\n", "jd_utc"),

@@ -291,9 +291,10 @@ impl Chords {
                         continue;
                     }
                     let (set, large) = (k / self.each as usize, patches.list[q].coarse);
+                    let (fine, coarse) = (lit / areas[0][q], lit / areas[1][large]);
                     for (c, w) in sheet.channels.clone().zip(weights) {
-                        gain.fine[c][q] += lit * w / areas[0][q];
-                        gain.sets[set][c][large] += lit * w / areas[1][large];
+                        gain.fine[c][q] += fine * w;
+                        gain.sets[set][c][large] += coarse * w;
                     }
                 }
             }

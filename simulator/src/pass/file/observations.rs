@@ -60,6 +60,12 @@ impl Reader<'_> {
             return Err(self.error("times.table", expected).into());
         }
         let (table, path) = self.any_table("times.table", file)?;
+        // Columns without rows are of no kind: this comes first.
+        if !(1..=MOST_SAMPLES).contains(&table.rows()) {
+            let found = format!("{} rows", table.rows());
+            let expected = format!("1 to {MOST_SAMPLES} observations");
+            return Err(ParseError::new(path, found, expected).into());
+        }
         let Some(ColumnTimes { time: times, notes }) =
             photometry::column_times(&path, &table, &ColumnNames::default())?
         else {
@@ -68,11 +74,6 @@ impl Reader<'_> {
             let expected = format!("a column of times: {}", photometry::TIME_COLUMNS);
             return Err(ParseError::new(path, found, expected).into());
         };
-        if times.is_empty() || times.len() > MOST_SAMPLES {
-            let found = format!("{} rows", times.len());
-            let expected = format!("1 to {MOST_SAMPLES} observations");
-            return Err(ParseError::new(path, found, expected).into());
-        }
         let exposure_s = match (keys.exposure_s, table.column("exposure_s").is_ok()) {
             (Some(exposure), _) => vec![exposure.get(); times.len()],
             (None, false) => vec![EXPOSURE_S; times.len()],
