@@ -16,7 +16,7 @@ const SIDES: [usize; 4] = [129, 97, 65, 33];
 /// Largest size of a file where nobody says the side of its grids, bytes.
 const MOST_BYTES: usize = 256_000_000;
 
-/// What a file has so many of.
+/// Counts that decide a file's size.
 #[derive(Debug, Clone, Copy)]
 struct Counts {
     incidences: usize,

@@ -40,7 +40,7 @@ impl Tree {
     }
 }
 
-/// What is known before a search.
+/// Limits that are known before a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Known {
     /// A distance within which at least as many points lie as are wanted: infinite where none is known. It makes the search short.
@@ -60,9 +60,9 @@ impl Default for Known {
 /// A point that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Near {
-    /// Its squared distance.
+    /// The squared distance.
     pub squared: f64,
-    /// Its number.
+    /// The number it was given.
     pub number: usize,
     /// Where it lies.
     pub at: Point,
@@ -100,7 +100,7 @@ struct Search<'a> {
     count: usize,
     /// Squared; what is farther is not among the nearest.
     within: f64,
-    /// What is nearer is left out, squared.
+    /// Nearer ones are left out, squared.
     beyond: f64,
     without: Option<usize>,
     /// Squared distances and places in the tree of what was found so far, in order: little is moved where one comes between.

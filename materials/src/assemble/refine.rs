@@ -10,7 +10,7 @@ const ALIKE: f64 = 1.5;
 /// The edge of what was measured is known to half of so many steps: closer it is not looked for.
 const EDGE: usize = 4;
 
-/// What is known at the nodes, row by row.
+/// Values at the nodes, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Filled {
     /// Logarithms, by node and channel.
@@ -195,7 +195,7 @@ mod tests {
         }
     }
 
-    /// What is not a number makes nothing even: all nodes are asked.
+    /// Where something is not a number all nodes are asked.
     #[test]
     fn numbers_that_are_none_are_asked_for() {
         let function = |_: usize, into: &mut [f64]| {
