@@ -109,6 +109,7 @@ fn camera_and_counter_agree_on_a_train_of_flashes() {
         sigma_hz: vec![0.0; 6000],
         flags: vec![Flags::empty(); 6000],
         model_error_hz: None,
+        common_sigma_hz: None,
     };
     let curve = LightCurve {
         kind: RateKind::Predicted,

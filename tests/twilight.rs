@@ -106,6 +106,7 @@ fn curve(rates_hz: &[(String, f64)]) -> String {
         sigma_hz: vec![0.0; times.len()],
         flags: vec![Flags::empty(); times.len()],
         model_error_hz: None,
+        common_sigma_hz: None,
     });
     let curve = LightCurve {
         kind: RateKind::Predicted,

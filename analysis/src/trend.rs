@@ -235,7 +235,8 @@ fn robust(points: &[(f64, f64)], degree: usize) -> Option<Vec<f64>> {
 
 /// A channel divided by a factor, uncertainties with it. Both of one length.
 pub fn divide(channel: &mut ChannelCurve, factor: &[f64]) {
-    for values in [&mut channel.rate_hz, &mut channel.sigma_hz] {
+    let sigmas = [Some(&mut channel.sigma_hz), channel.common_sigma_hz.as_mut()];
+    for values in sigmas.into_iter().flatten().chain([&mut channel.rate_hz]) {
         values.iter_mut().zip(factor).for_each(|(v, f)| *v /= f);
     }
 }

@@ -31,6 +31,7 @@ fn curve(by_phase: impl Fn(f64) -> f64) -> LightCurve {
         sigma_hz: vec![100.0; 600],
         flags: vec![Flags::empty(); 600],
         model_error_hz: None,
+        common_sigma_hz: None,
     };
     let time = seconds.iter().map(|t| start + Duration::from_seconds(*t)).collect();
     LightCurve {

@@ -199,6 +199,7 @@ fn rates(found: &Found, query: &Query, archive: &Path) -> Result<Joined, Archive
         sigma_hz: Vec::new(),
         flags: Vec::new(),
         model_error_hz: Some(Vec::new()),
+        common_sigma_hz: None,
     };
     let mut all: Option<LightCurve> = None;
     let mut inputs = Vec::new();

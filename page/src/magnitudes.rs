@@ -112,6 +112,7 @@ impl Scale {
             sigma_hz: vec![1.0; n],
             flags: vec![Flags::empty(); n],
             model_error_hz: None,
+            common_sigma_hz: None,
         };
         let curve = LightCurve {
             kind: RateKind::Linear,

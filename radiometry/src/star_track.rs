@@ -226,6 +226,7 @@ impl StarTrack {
                 sigma_hz: rates().map(|r| r.sigma_hz.unwrap_or(f64::NAN)).collect(),
                 flags: flags.collect(),
                 model_error_hz: None,
+                common_sigma_hz: None,
             }
         };
         let time = self.sights.iter().map(|s| s.epoch).collect();

@@ -331,7 +331,8 @@ fn calibrated(
     for channel in &mut curve.channels {
         let Some(row) = night.channel(&channel.name) else { continue };
         channel.rate_hz.iter_mut().for_each(|v| *v *= row.kappa);
-        channel.sigma_hz.iter_mut().for_each(|v| *v *= row.kappa);
+        let sigma = channel.sigma_hz.iter_mut().chain(channel.common_sigma_hz.iter_mut().flatten());
+        sigma.for_each(|v| *v *= row.kappa);
     }
     let place = |name: &str| night.channels.iter().position(|c| c.channel == name);
     let order: Vec<usize> = curve.channels.iter().filter_map(|c| place(&c.name)).collect();

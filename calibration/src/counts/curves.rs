@@ -101,9 +101,12 @@ impl Curves {
             sigma_hz: Vec::new(),
             flags: Vec::new(),
             model_error_hz: None,
+            common_sigma_hz: None,
         };
-        let channels: Vec<ChannelCurve> = channels.iter().map(empty).collect();
-        Self { samples: Samples::default(), raw: channels.clone(), linear: channels }
+        let raw: Vec<ChannelCurve> = channels.iter().map(empty).collect();
+        let mut linear = raw.clone();
+        linear.iter_mut().for_each(|channel| channel.common_sigma_hz = Some(Vec::new()));
+        Self { samples: Samples::default(), raw, linear }
     }
 
     /// Adds a sample of these channels.
@@ -118,6 +121,7 @@ impl Curves {
         for (i, channel) in sample.channels.iter().enumerate() {
             add(&mut self.raw[i], channel.measured_hz.to_array(), channel.flags);
             add(&mut self.linear[i], [channel.rate_hz, channel.sigma_hz], channel.flags);
+            self.linear[i].common_sigma_hz.get_or_insert_default().push(channel.common_sigma_hz);
         }
     }
 

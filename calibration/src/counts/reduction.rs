@@ -33,6 +33,8 @@ pub struct ChannelSample {
     pub rate_hz: f64,
     /// Standard uncertainty of `rate_hz`, Hz; NaN where that is NaN.
     pub sigma_hz: f64,
+    /// The part in it of the background, which was looked at a few times and taken off all samples, Hz; NaN where `rate_hz` is NaN.
+    pub common_sigma_hz: f64,
     /// Background that was subtracted, and its standard uncertainty, Hz, before the coupling; NaN where none was subtracted.
     pub background_hz: Measured,
     /// Where the background came from; `None` where none was subtracted.
@@ -223,6 +225,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
                 sample.background_from = Some(background.source);
                 sample.rate_hz = linear.rate_hz - background.rate_hz;
                 sample.sigma_hz = linear.sigma_hz.hypot(background.sigma_hz);
+                sample.common_sigma_hz = background.sigma_hz;
             }
             Err(DetectorError::Saturated { .. }) => sample.flags |= Flags::SATURATED,
             // Tags out of their order: nothing can be said of their clock.
@@ -261,6 +264,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
                 let relative = coupling.sigma / coupling.mean;
                 sample.coupling = Measured::new(coupling.mean, coupling.sigma);
                 sample.rate_hz /= coupling.mean;
+                sample.common_sigma_hz /= coupling.mean;
                 sample.sigma_hz =
                     (sample.sigma_hz / coupling.mean).hypot(sample.rate_hz * relative);
             }
@@ -277,6 +281,7 @@ impl ChannelSample {
             measured_hz: Measured::new(f64::NAN, f64::NAN),
             rate_hz: f64::NAN,
             sigma_hz: f64::NAN,
+            common_sigma_hz: f64::NAN,
             background_hz: Measured::new(f64::NAN, f64::NAN),
             background_from: None,
             coupling: Measured::new(f64::NAN, f64::NAN),
@@ -298,6 +303,7 @@ impl ChannelSample {
         let excluded = self.flags.intersects(EXCLUDED) || counter.contains(CountFlags::ERROR);
         if excluded || !self.rate_hz.is_finite() {
             (self.rate_hz, self.sigma_hz) = (f64::NAN, f64::NAN);
+            self.common_sigma_hz = f64::NAN;
         }
     }
 }

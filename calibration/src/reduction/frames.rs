@@ -1174,6 +1174,7 @@ fn curve(rows: &[Row], station: &Station) -> LightCurve {
             sigma_hz: Vec::with_capacity(rows.len()),
             flags: Vec::with_capacity(rows.len()),
             model_error_hz: None,
+            common_sigma_hz: None,
         };
         let mut found = false;
         for row in rows {

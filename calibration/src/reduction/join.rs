@@ -74,12 +74,17 @@ fn spread(channel: &ChannelCurve, rows: impl Iterator<Item = Option<usize>>) -> 
         sigma_hz: Vec::new(),
         flags: Vec::new(),
         model_error_hz: None,
+        common_sigma_hz: channel.common_sigma_hz.as_ref().map(|_| Vec::new()),
     };
     for row in rows {
         let (rate, sigma, flags) = match row {
             Some(i) => (channel.rate_hz[i], channel.sigma_hz[i], channel.flags[i]),
             None => (f64::NAN, f64::NAN, Flags::NOT_SAMPLED),
         };
+        if let (Some(into), Some(common)) = (&mut spread.common_sigma_hz, &channel.common_sigma_hz)
+        {
+            into.push(row.map_or(f64::NAN, |i| common[i]));
+        }
         spread.rate_hz.push(rate);
         spread.sigma_hz.push(sigma);
         spread.flags.push(flags);
@@ -107,6 +112,7 @@ mod tests {
                 sigma_hz: vec![1.0; n],
                 flags: vec![Flags::empty(); n],
                 model_error_hz: None,
+                common_sigma_hz: None,
             }],
             provenance: Provenance::default(),
             other: sunglint_formats::Meta::default(),

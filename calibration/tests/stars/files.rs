@@ -30,6 +30,7 @@ fn the_mean_of_a_visit_is_weighted_by_time() {
             Flags::OFF_TARGET,
         ],
         model_error_hz: None,
+        common_sigma_hz: None,
     };
     let curve = LightCurve {
         kind: RateKind::Linear,

@@ -29,6 +29,8 @@ pub struct MeasuredCurve {
     pub rate: Array2<f64>,
     /// Their standard uncertainties.
     pub sigma: Array2<f64>,
+    /// Part of the uncertainties that all samples of a channel have in common, where the file says it.
+    pub level: Option<Array2<f64>>,
     /// Uncertainties as shares of the light, of magnitudes alone.
     pub share: Option<Array2<f64>>,
     /// Whether the file says the exposures; else they are the usual step.
@@ -101,6 +103,7 @@ impl MeasuredCurve {
             channels: vec!["V".into()],
             rate: Array2::from_shape_fn(shape, |(i, _)| curve.flux[i]),
             sigma: Array2::from_shape_fn(shape, |(i, _)| curve.sigma[i]),
+            level: None,
             share: Some(Array2::from_shape_fn(shape, |(i, _)| curve.share[i])),
             is_exposure_known: curve.is_exposure_known,
             used,
@@ -173,6 +176,11 @@ impl MeasuredCurve {
             used,
             left_out,
             calibration: calibration(curve, &mut warnings),
+            level: curve
+                .channels
+                .iter()
+                .any(|c| c.common_sigma_hz.is_some())
+                .then(|| at(&|c, i| c.common_sigma_hz.as_ref().map_or(0.0, |common| common[i]))),
             share: None,
             is_exposure_known: true,
             magnitudes: false,

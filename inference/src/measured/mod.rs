@@ -206,6 +206,9 @@ pub fn prepared(
     };
     data.time_s = measured.times.iter().map(from_start).collect();
     data.share = measured.share.as_ref().map(pick);
+    if let Some(level) = &measured.level {
+        data.with_level(pick(level));
+    }
     data.used = Array2::from_shape_fn((n, channels.len()), |(i, c)| {
         from[c].is_some_and(|k| measured.used[[i, k]])
     });

@@ -1,13 +1,13 @@
-//! Errors that a channel's samples of a night have in common, in the sum of squares: those of the calibration.
+//! Errors that a channel's samples have in common, in the sum of squares: those of a night's calibration, and of the levels that were taken off a curve.
 //!
 //! Without priors they move the parameters as they move the data, and it is enough to add them to the covariance. A prior that is as tight as they are changes that: then the data say less, and the prior
-//! more, than the samples' noise alone would have it. The covariance of the whitened rows is I + BBᵀ, a column of B for each channel of each night. Its inverse root is closed: I − UΦUᵀ, with U the
+//! more, than the samples' noise alone would have it. The covariance of the whitened rows is I + BBᵀ, a column of B for each of these errors. Its inverse root is closed: I − UΦUᵀ, with U the
 //! directions of B, D their squares and Φ = 1 − 1/√(1 + D).
 
 use super::Data;
 use super::whiten::PerSample;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use ndarray::Array2;
+use ndarray::{Array1, Array2};
 use std::collections::BTreeMap;
 
 /// Directions whose square is below this share of the largest are those of rounding.
@@ -18,10 +18,53 @@ const NOTHING: f64 = 1e-12;
 pub(super) struct Common {
     /// Rows × errors, for errors that are independent and of variance 1.
     columns: DMatrix<f64>,
-    /// Curves that have each night's errors, and from independent errors to ln κ of each channel.
-    nights: Vec<(Vec<usize>, DMatrix<f64>)>,
+    errors: Vec<SharedError>,
+    scale: f64,
     directions: DMatrix<f64>,
     less: DVector<f64>,
+}
+
+/// How an error of variance 1, independent of all others, changes samples: by curve and channel, Hz.
+#[derive(Debug, Clone)]
+pub(super) struct SharedError(Vec<(usize, usize, Array1<f64>)>);
+
+impl SharedError {
+    /// The change of all samples, 0 where it has none. `like` has their number.
+    pub fn of_all(&self, like: &PerSample) -> PerSample {
+        let mut change: PerSample = like.iter().map(|r| Array2::zeros(r.raw_dim())).collect();
+        self.add_to(&mut change, 1.0);
+        change
+    }
+
+    fn add_to(&self, rates: &mut PerSample, times: f64) {
+        for (curve, channel, change) in &self.0 {
+            rates[*curve].column_mut(*channel).scaled_add(times, change);
+        }
+    }
+}
+
+/// All errors that samples have in common, by the model's rates: those of each night's κ, and those of the levels that were taken off a curve's channel.
+pub(super) fn shared(data: &[Data], rates: &PerSample) -> Vec<SharedError> {
+    let mut errors = Vec::new();
+    for curves in nights(data) {
+        let Some(of) = data[curves[0]].calibration.as_ref() else { continue };
+        let root = root(&of.covariance);
+        for error in root.column_iter() {
+            let channels = || error.iter().enumerate().filter(|(_, ln)| **ln != 0.0);
+            let parts = curves
+                .iter()
+                .flat_map(|p| channels().map(|(c, ln)| (*p, c, &rates[*p].column(c) * *ln)));
+            errors.push(SharedError(parts.collect()));
+        }
+    }
+    for (p, level) in data.iter().enumerate().filter_map(|(p, d)| Some((p, d.level.as_ref()?))) {
+        for (c, column) in level.columns().into_iter().enumerate() {
+            if column.iter().any(|hz| *hz > 0.0) {
+                errors.push(SharedError(vec![(p, c, column.to_owned())]));
+            }
+        }
+    }
+    errors
 }
 
 /// Curves of each night whose calibration has errors.
@@ -35,15 +78,6 @@ pub(super) fn nights(data: &[Data]) -> Vec<Vec<usize>> {
     nights.into_values().collect()
 }
 
-/// Rates of one channel of some curves, 0 elsewhere.
-pub(super) fn of_channel(rates: &PerSample, curves: &[usize], channel: usize) -> PerSample {
-    let mut change: PerSample = rates.iter().map(|r| Array2::zeros(r.raw_dim())).collect();
-    for p in curves {
-        change[*p].column_mut(channel).assign(&rates[*p].column(channel));
-    }
-    change
-}
-
 /// A root of a covariance: R with RRᵀ its matrix.
 fn root(covariance: &Array2<f64>) -> DMatrix<f64> {
     let n = covariance.nrows();
@@ -53,32 +87,21 @@ fn root(covariance: &Array2<f64>) -> DMatrix<f64> {
 }
 
 impl Common {
-    /// By the model's rates; `white` whitens numbers of all samples by their own noise. The errors' variances are divided by `scale`, for whoever multiplies all variances by it afterwards. `None` where no calibration has
-    /// errors.
+    /// By the model's rates; `white` whitens numbers of all samples by their own noise. The errors' variances are divided by `scale`, for whoever multiplies all variances by it afterwards. `None` where samples share
+    /// no error.
     pub fn new(
         data: &[Data],
         rates: &PerSample,
         scale: f64,
         white: impl Fn(&PerSample) -> DVector<f64>,
     ) -> Option<Self> {
-        let (mut all, mut known) = (Vec::new(), Vec::new());
-        for curves in nights(data) {
-            let Some(of) = data[curves[0]].calibration.as_ref() else { continue };
-            let root = root(&of.covariance) / scale.sqrt();
-            let columns: Vec<DVector<f64>> = (0..root.nrows())
-                .map(|channel| white(&of_channel(rates, &curves, channel)))
-                .collect();
-            all.push(DMatrix::from_columns(&columns) * &root);
-            known.push((curves, root));
+        let errors = shared(data, rates);
+        let columns: Vec<DVector<f64>> =
+            errors.iter().map(|error| white(&error.of_all(rates)) / scale.sqrt()).collect();
+        if columns.is_empty() {
+            return None;
         }
-        let rows = all.first()?.nrows();
-        let count = all.iter().map(DMatrix::ncols).sum();
-        let mut columns = DMatrix::zeros(rows, count);
-        let mut at = 0;
-        for part in &all {
-            columns.columns_mut(at, part.ncols()).copy_from(part);
-            at += part.ncols();
-        }
+        let (columns, count) = (DMatrix::from_columns(&columns), columns.len());
         let eigen = SymmetricEigen::new(columns.tr_mul(&columns));
         let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
         let kept: Vec<usize> =
@@ -90,7 +113,7 @@ impl Common {
             direction /= square.sqrt();
         }
         let less = squares.map(|d| 1.0 - (1.0 + d).sqrt().recip());
-        Some(Self { columns, nights: known, directions, less })
+        Some(Self { columns, errors, scale, directions, less })
     }
 
     /// Makes whitened rows independent.
@@ -106,15 +129,9 @@ impl Common {
         let Some(errors) = normal.cholesky().map(|c| c.solve(&self.columns.tr_mul(left))) else {
             return rates.clone();
         };
-        let (mut rates, mut at) = (rates.clone(), 0);
-        for (curves, root) in &self.nights {
-            let ln = root * errors.rows(at, root.ncols());
-            at += root.ncols();
-            for p in curves {
-                for (mut column, ln) in rates[*p].columns_mut().into_iter().zip(ln.iter()) {
-                    column *= 1.0 + ln;
-                }
-            }
+        let mut rates = rates.clone();
+        for (shared, error) in self.errors.iter().zip(errors.iter()) {
+            shared.add_to(&mut rates, error / self.scale.sqrt());
         }
         rates
     }

@@ -32,6 +32,9 @@ pub struct Data {
     pub share: Option<Array2<f64>>,
     /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
+    /// Standard uncertainty that all samples of a channel have in common, as by a level that was taken off all of them, in the unit of the rates, epochs × channels; it is not in [`Data::sigma`]. Channels
+    /// are independent.
+    pub level: Option<Array2<f64>>,
 }
 
 /// An error of calibration: the same in all samples of a channel. Curves of the same night share it.
@@ -58,10 +61,22 @@ impl Data {
             variance_slope: Array2::zeros(rate.raw_dim()),
             share: None,
             calibration: None,
+            level: None,
             rate,
             sigma,
             used,
         }
+    }
+
+    /// Takes a part of the stated uncertainties as an error that all samples of a channel have in common ([`Data::level`]). Samples keep at least a thousandth of theirs for themselves; where the part is
+    /// not known it is none.
+    pub fn with_level(&mut self, mut level: Array2<f64>) {
+        ndarray::Zip::from(&mut level).and(&mut self.sigma).for_each(|level, sigma| {
+            let most = *sigma * (1.0 - 1e-6_f64).sqrt();
+            *level = if *level > 0.0 && most.is_finite() { level.min(most) } else { 0.0 };
+            *sigma = (*sigma * *sigma - *level * *level).sqrt();
+        });
+        self.level = level.iter().any(|hz| *hz > 0.0).then_some(level);
     }
 
     /// Rates of magnitudes as their noise leaves them in the mean. Noise of σ in a magnitude raises the mean light by exp(s²/2), s = 0.921 σ, and makes its variance exp(s²) − 1 of its square: without
@@ -149,6 +164,7 @@ impl Data {
             ("uncertainties", self.sigma.dim()),
             ("marks of what counts", self.used.dim()),
             ("slopes of the variance", self.variance_slope.dim()),
+            ("levels", self.level.as_ref().map_or(shape, Array2::dim)),
         ] {
             if found != shape {
                 return wrong(what, format!("{found:?}, expected {shape:?}"));
@@ -173,6 +189,9 @@ impl Data {
                 );
                 return wrong(&format!("sample {}", i + 1), found);
             }
+        }
+        if let Some(bad) = self.level.iter().flatten().find(|hz| !(hz.is_finite() && **hz >= 0.0)) {
+            return wrong("the error of a level", format!("{bad}, expected a number not below 0"));
         }
         if let Some(calibration) = &self.calibration
             && calibration.covariance.dim() != (shape.1, shape.1)

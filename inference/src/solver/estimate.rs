@@ -1,6 +1,6 @@
 //! From the minimum to what it means: covariances, intervals, what is not determined.
 
-use super::common::{nights, of_channel};
+use super::common::shared;
 use super::normal::{Quadratic, inverse};
 use super::problem::{Problem, State, Which};
 use super::response::Response;
@@ -557,7 +557,7 @@ fn differences(
     Ok((&sides[1] - &sides[0]) / (ends[1] - ends[0]))
 }
 
-/// Returns the covariance of the parameters by the calibration's errors: an error ε of ln κ changes the data by ε times the rate, and the parameters by the
+/// Returns the covariance of the parameters by the errors that samples have in common: an error ε of ln κ changes the data by ε times the rate, one of a level by the same Hz, and the parameters by the
 /// same least squares as any other change of the data.
 fn calibration(
     problem: &Problem,
@@ -569,20 +569,14 @@ fn calibration(
 ) -> DMatrix<f64> {
     let n = jacobian.ncols();
     let mut sum = DMatrix::<f64>::zeros(n, n);
-    for curves in &nights(problem.data) {
-        let Some(of) = problem.data[curves[0]].calibration.as_ref() else { continue };
-        let channels = of.covariance.nrows();
-        let mut shifts = DMatrix::<f64>::zeros(n, channels);
-        for c in 0..channels {
-            let change = of_channel(&state.rates, curves, c);
-            let pull = jacobian.tr_mul(&problem.whitened(&change));
-            for i in free {
-                let terms = free.iter().map(|j| covariance[(*i, *j)] / scale * pull[*j]);
-                shifts[(*i, c)] = terms.filter(|v| v.is_finite()).sum::<f64>();
-            }
+    for error in shared(problem.data, &state.rates) {
+        let pull = jacobian.tr_mul(&problem.whitened(&error.of_all(&state.rates)));
+        let mut shift = DVector::<f64>::zeros(n);
+        for i in free {
+            let terms = free.iter().map(|j| covariance[(*i, *j)] / scale * pull[*j]);
+            shift[*i] = terms.filter(|v| v.is_finite()).sum::<f64>();
         }
-        let own = DMatrix::from_fn(channels, channels, |a, b| of.covariance[[a, b]]);
-        sum += &shifts * own * shifts.transpose();
+        sum += &shift * shift.transpose();
     }
     sum
 }

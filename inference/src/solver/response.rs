@@ -1,6 +1,6 @@
 //! How parameters answer to a change of all data: what an error does that the samples have in common.
 
-use super::common::{Common, nights, of_channel};
+use super::common::{Common, shared};
 use super::correlation::Residuals;
 use super::whiten::{PerSample, Whitener};
 use super::{Data, Estimate, Fit, IntervalMethod, Warning};
@@ -85,13 +85,12 @@ impl Fit {
         let rates: PerSample = self.curves.iter().map(|c| c.model.clone()).collect();
         let time_s: Vec<Vec<f64>> = data.iter().map(|d| d.time_s.clone()).collect();
         let rows = response.whitener.rows;
-        // Errors of κ are the same in all samples: they are not what is looked for.
-        let mut nuisance = Vec::new();
-        for curves in nights(data) {
-            for channel in 0..data[curves[0]].channels() {
-                nuisance.push(response.white(&of_channel(&rates, &curves, channel), rows));
-            }
-        }
+        // Errors that samples have in common last as long as a curve: they are not what is looked for.
+        let nuisance: Vec<DVector<f64>> = shared(data, &rates)
+            .iter()
+            .map(|error| response.white(&error.of_all(&rates), rows))
+            .filter(|row| row.norm_squared() > 0.0)
+            .collect();
         let (left, pull) = (&response.left, &response.pull);
         let residuals = Residuals::new(&response.whitener, &time_s, &rates, left, pull, &nuisance);
         let Some(residuals) = residuals else { return };

@@ -1,7 +1,8 @@
 //! The linear core against another program.
 
+use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, Array3};
-use rand::RngExt as _;
+use rand::{RngExt as _, SeedableRng as _};
 use serde_json::{Value, json};
 use sunglint_inference::solver::{
     CalibrationError, Columns, Data, FitError, Free, Linear, Loss, Model, ModelError, Options,
@@ -210,6 +211,70 @@ fn errors_of_calibration_do_not_average_out_within_a_night() {
         let p = &found.parameters[0];
         assert!((p.value - 1.0).abs() < 1e-12);
         assert!((p.sigma_calibration.unwrap() - expected).abs() < 1e-9, "{p:?}");
+    }
+}
+
+/// Truth: the closed forms, by nalgebra. A light a·shape with noise of 10 in each of 300 samples and a level that is known to 3, the same error in all: least squares by the noise alone, whose covariance the level's error widens
+/// by its square, so that a sample stays what it was; with a prior of the coefficient, generalised least squares under the whole covariance. Where the level's error is in each sample's own, as before, it would be divided by the
+/// root of 300. A second curve has an error of its own. Tolerance: 1e-6 of the uncertainty.
+#[test]
+fn the_error_of_a_level_is_the_same_in_all_samples_of_a_channel() {
+    let n = 300;
+    let shape = |i: usize| 100.0 + 80.0 * (0.03 * i as f64).sin();
+    let mut rng = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(4);
+    let mut normal = || {
+        let (u, v): (f64, f64) = (rng.random(), rng.random());
+        (-2.0 * (1.0 - u).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+    };
+    let rates: Vec<Array2<f64>> = (0..2)
+        .map(|_| Array2::from_shape_fn((n, 1), |(i, _)| 0.7 * shape(i) + 2.0 + 10.0 * normal()))
+        .collect();
+    let columns = Array3::from_shape_fn((n, 1, 1), |(i, _, _)| shape(i));
+    for curves in [1, 2] {
+        let data: Vec<Data> = rates[..curves]
+            .iter()
+            .map(|rate| {
+                let whole = (10.0_f64.powi(2) + 3.0_f64.powi(2)).sqrt();
+                let mut data = Data::new("a", rate.clone(), Array2::from_elem((n, 1), whole));
+                data.with_level(Array2::from_elem((n, 1), 3.0));
+                assert!((data.sigma[[7, 0]] - 10.0).abs() < 1e-12);
+                data
+            })
+            .collect();
+        let rows = curves * n;
+        let a = DVector::from_fn(rows, |k, _| shape(k % n));
+        let y = DVector::from_fn(rows, |k, _| rates[k / n][[k % n, 0]]);
+        for prior in [None, Some(Prior { mean: 0.69, sigma: 0.01 })] {
+            let mut model = Fixed { columns: vec![columns.clone(); curves], times: None };
+            let linear = [Linear { prior, ..linear(0, vec![0]) }];
+            let found = fit(&data, &mut model, &[], &linear, &PLAIN, &mut |_| ()).unwrap();
+            let scale = found.scaled_by;
+            let (value, variance) = match prior {
+                None => {
+                    let square = a.norm_squared();
+                    let each = |k: usize| a.rows(k * n, n).sum() * 3.0 / square;
+                    let of_levels: f64 = (0..curves).map(|k| each(k).powi(2)).sum();
+                    (a.dot(&y) / square, scale * 100.0 / square + of_levels)
+                }
+                Some(prior) => {
+                    let together = |k: usize, l: usize| if k / n == l / n { 9.0 } else { 0.0 };
+                    let own = |k: usize, l: usize| if k == l { scale * 100.0 } else { 0.0 };
+                    let covariance =
+                        DMatrix::from_fn(rows, rows, |k, l| own(k, l) + together(k, l));
+                    let inverse = covariance.try_inverse().unwrap();
+                    let weight = (a.transpose() * &inverse * &a)[0];
+                    let known = prior.sigma.powi(-2);
+                    let pull = (a.transpose() * &inverse * &y)[0] + prior.mean * known;
+                    (pull / (weight + known), 1.0 / (weight + known))
+                }
+            };
+            let p = &found.parameters[0];
+            let sigma = variance.sqrt();
+            assert!((p.value - value).abs() < 1e-6 * sigma, "{} {value} ± {sigma}", p.value);
+            assert!((p.sigma.unwrap() / sigma - 1.0).abs() < 1e-6, "{p:?} {sigma}");
+            let half = 0.5 * (p.interval_95[1].unwrap() - p.interval_95[0].unwrap());
+            assert!((half / (1.959_964 * sigma) - 1.0).abs() < 1e-3, "{p:?}");
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Hz at the detector, after the air, per channel, with uncertainty and flags. Only *calibrated* (κ·ν) and *predicted* (ν̂) curves are
 //! compared with one another. In a file (ECSV): `time_utc` (ISO 8601, mid-exposure), `exposure_s`, per channel `<ch>_rate_hz`,
-//! `<ch>_sigma_hz`, `<ch>_flags`, of a prediction perhaps `<ch>_model_error_hz`; optional `range_m`, `phase_deg`, `zenith_deg`; in the metadata `quantity`, `flag_bits`, `provenance`.
+//! `<ch>_sigma_hz`, `<ch>_flags`, of a prediction perhaps `<ch>_model_error_hz`, of a measurement perhaps `<ch>_common_sigma_hz`; optional `range_m`, `phase_deg`, `zenith_deg`; in the metadata `quantity`, `flag_bits`, `provenance`.
 
 mod flags;
 mod provenance;
@@ -151,6 +151,9 @@ pub struct ChannelCurve {
     /// Possible error of a predicted rate by what the simulation does not model, Hz; `NaN` only where a flag says why. `None` where nothing is
     /// said of it.
     pub model_error_hz: Option<Vec<f64>>,
+    /// Part of the standard uncertainty that all samples of the channel have in common, Hz: that of a level that was looked at before and after them and taken off all. It is in `sigma_hz`, too; `NaN` only where a flag says why.
+    /// `None` where nothing is said of it.
+    pub common_sigma_hz: Option<Vec<f64>>,
 }
 
 /// A light curve.
@@ -227,8 +230,8 @@ impl LightCurve {
         for channel in &mut self.channels {
             pick(&mut channel.rate_hz);
             pick(&mut channel.sigma_hz);
-            if let Some(error) = &mut channel.model_error_hz {
-                pick(error);
+            for column in [&mut channel.model_error_hz, &mut channel.common_sigma_hz] {
+                column.iter_mut().for_each(&pick);
             }
             if channel.flags.len() == n {
                 channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
@@ -284,8 +287,8 @@ impl LightCurve {
             pick(&mut channel.rate_hz, keep);
             pick(&mut channel.sigma_hz, keep);
             pick(&mut channel.flags, keep);
-            if let Some(error) = &mut channel.model_error_hz {
-                pick(error, keep);
+            for column in [&mut channel.model_error_hz, &mut channel.common_sigma_hz] {
+                column.iter_mut().for_each(|column| pick(column, keep));
             }
         }
     }
@@ -340,9 +343,13 @@ impl LightCurve {
                 Column::f64(format!("{name}_sigma_hz"), Some("Hz"), channel.sigma_hz.clone());
             let flags = Flags::column(format!("{name}_flags"), &channel.flags);
             table.columns.extend([rate, sigma, flags]);
-            let error = channel.model_error_hz.clone();
-            let column = |e| Column::f64(format!("{name}_model_error_hz"), Some("Hz"), e);
-            table.columns.extend(error.map(column));
+            for (suffix, values) in [
+                ("model_error_hz", &channel.model_error_hz),
+                ("common_sigma_hz", &channel.common_sigma_hz),
+            ] {
+                let column = |v| Column::f64(format!("{name}_{suffix}"), Some("Hz"), v);
+                table.columns.extend(values.clone().map(column));
+            }
         }
         table.columns.extend(last);
         self.check(Path::new("light curve"))?;
@@ -374,21 +381,25 @@ impl LightCurve {
         for column in &table.columns {
             if let Some(name) = column.name.strip_suffix("_rate_hz") {
                 let flags = reader.flags(&format!("{name}_flags"), &bits)?;
-                let error = format!("{name}_model_error_hz");
-                let said = table.columns.iter().any(|c| c.name == error);
+                let said = |suffix: &str| {
+                    let name = format!("{name}_{suffix}");
+                    let said = table.columns.iter().any(|c| c.name == name);
+                    said.then(|| reader.numbers(&name, "Hz")).transpose()
+                };
                 channels.push(ChannelCurve {
                     name: name.to_owned(),
                     rate_hz: reader.numbers(&column.name, "Hz")?,
                     sigma_hz: reader.numbers(&format!("{name}_sigma_hz"), "Hz")?,
                     flags,
-                    model_error_hz: said.then(|| reader.numbers(&error, "Hz")).transpose()?,
+                    model_error_hz: said("model_error_hz")?,
+                    common_sigma_hz: said("common_sigma_hz")?,
                 });
             }
         }
         let mut known = Samples::COLUMNS.map(str::to_owned).to_vec();
         for channel in &channels {
             known.extend(
-                ["rate_hz", "sigma_hz", "flags", "model_error_hz"]
+                ["rate_hz", "sigma_hz", "flags", "model_error_hz", "common_sigma_hz"]
                     .map(|suffix| format!("{}_{suffix}", channel.name)),
             );
         }
@@ -416,6 +427,7 @@ impl LightCurve {
                 ("sigma_hz", c.sigma_hz.len()),
                 ("flags", c.flags.len()),
                 ("model_error_hz", c.model_error_hz.as_ref().map_or(n, Vec::len)),
+                ("common_sigma_hz", c.common_sigma_hz.as_ref().map_or(n, Vec::len)),
             ];
             lengths.map(|(suffix, length)| (format!("{}_{suffix}", c.name), length))
         });
@@ -465,6 +477,15 @@ impl LightCurve {
                     let field = row(&format!("{name}_model_error_hz"), i);
                     return wrong(field, error.to_string(), expected);
                 }
+                // As it was rounded in a file it may be a little more.
+                let common = channel.common_sigma_hz.as_ref().map_or(0.0, |c| c[i]);
+                let is_part = common >= 0.0 && !(common > sigma * (1.0 + 1e-9));
+                if !(common.is_finite() && is_part || flagged && common.is_nan()) {
+                    let expected =
+                        "a number from 0 to the whole uncertainty (nan only where a flag says why)";
+                    let field = row(&format!("{name}_common_sigma_hz"), i);
+                    return wrong(field, common.to_string(), expected);
+                }
             }
         }
         Ok(())
@@ -493,6 +514,7 @@ mod tests {
                 sigma_hz: vec![300.0, f64::NAN, 3.25],
                 flags: vec![Flags::empty(), Flags::SATURATED | Flags::OFF_AXIS, Flags::empty()],
                 model_error_hz: Some(vec![20.0, f64::NAN, 0.0]),
+                common_sigma_hz: Some(vec![100.0, f64::NAN, 3.25]),
             }],
             provenance: Provenance {
                 program: "sunglint 0.1.0".into(),
@@ -541,6 +563,12 @@ mod tests {
         };
         assert!(error(&[0.0, 0.0, -1.0]).contains("spcm_model_error_hz, row 3"));
         assert!(error(&[0.0]).contains("spcm_model_error_hz: found 1 values, expected 3"));
+        let common = |value: f64| {
+            message(&move |c| c.channels[0].common_sigma_hz = Some(vec![value, f64::NAN, 0.0]))
+        };
+        for wrong in [301.0, -1.0, f64::NAN] {
+            assert!(common(wrong).contains("spcm_common_sigma_hz, row 1"), "{wrong}");
+        }
         assert!(message(&|c| c.channels.push(c.channels[0].clone())).contains("`spcm` twice"));
         let early = hifitime::Epoch::from_gregorian_tai_at_midnight(1965, 1, 1);
         assert!(message(&|c| c.samples.time[1] = early).contains("time_utc, row 2"));
@@ -593,9 +621,14 @@ mod tests {
 
     #[test]
     fn units_other_than_the_schemas_are_refused() {
-        for (column, unit, expected) in
-            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "kHz", "Hz"), (6, "km", "m"), (7, "rad", "deg")]
-        {
+        for (column, unit, expected) in [
+            (1, "ms", "s"),
+            (2, "kHz", "Hz"),
+            (5, "kHz", "Hz"),
+            (6, "kHz", "Hz"),
+            (7, "km", "m"),
+            (8, "rad", "deg"),
+        ] {
             let mut table = curve().to_table().unwrap();
             table.columns[column].unit = Some(unit.into());
             let error = LightCurve::from_table("c.ecsv", &table).unwrap_err().to_string();

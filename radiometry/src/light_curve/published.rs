@@ -640,6 +640,7 @@ impl Brightness {
                 sigma_hz: pick(&self.sigma),
                 flags: kept.iter().map(flag).collect(),
                 model_error_hz: None,
+                common_sigma_hz: None,
             }],
             provenance: Provenance { target: name.to_owned(), ..Provenance::default() },
             other: sunglint_formats::Meta::default(),

@@ -168,6 +168,7 @@ impl Simulation<'_> {
                 sigma_hz: channel.predicted.iter().map(sigma).collect(),
                 flags: flags.collect(),
                 model_error_hz: Some(channel.error_hz.clone()),
+                common_sigma_hz: None,
             }
         });
         LightCurve {

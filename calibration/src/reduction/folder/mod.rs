@@ -617,6 +617,7 @@ impl Folder {
                 sigma_hz: Vec::new(),
                 flags: Vec::new(),
                 model_error_hz: None,
+                common_sigma_hz: None,
             };
             for (_, _, of, rate, sigma, flags) in &rows {
                 let here = of == filter;
