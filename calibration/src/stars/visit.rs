@@ -49,7 +49,14 @@ pub fn mean(
     }
     let share = |i: usize| exposure(i) / exposed_s;
     let rate_hz: f64 = picked.iter().map(|i| share(*i) * channel.rate_hz[*i]).sum();
-    let stated: f64 = picked.iter().map(|i| (share(*i) * channel.sigma_hz[*i]).powi(2)).sum();
+    let common = |i: usize| channel.common_sigma_hz.as_ref().map_or(0.0, |common| common[i]);
+    let own = |i: usize| {
+        let square = channel.sigma_hz[i].powi(2);
+        (square - common(i).powi(2)).max(1e-6 * square)
+    };
+    let stated: f64 = picked.iter().map(|i| share(*i).powi(2) * own(*i)).sum();
+    // The error of a level that was taken off all samples stays what it is.
+    let common: f64 = picked.iter().map(|i| share(*i) * common(*i)).sum();
     // Of the samples that the rate is of: a cloud or a gap shifts all of these alike.
     let over = |value: &dyn Fn(usize) -> f64| -> f64 {
         picked.iter().map(|i| share(*i) * value(*i)).sum()
@@ -61,7 +68,7 @@ pub fn mean(
     } else {
         let square = |i: &usize| {
             let twinkle = rate_hz.powi(2) * aperture.variance(exposure(*i), airmass[*i]);
-            (channel.rate_hz[*i] - rate_hz).powi(2) / (channel.sigma_hz[*i].powi(2) + twinkle)
+            (channel.rate_hz[*i] - rate_hz).powi(2) / (own(*i) + twinkle)
         };
         (picked.iter().map(square).sum::<f64>() / (picked.len() - 1) as f64).sqrt()
     };
@@ -69,7 +76,7 @@ pub fn mean(
     let more = if scatter_ratio > 1.0 { scatter_ratio } else { 1.0 };
     Some(Mean {
         rate_hz,
-        sigma_hz: stated.sqrt() * more,
+        sigma_hz: (stated.sqrt() * more).hypot(common),
         used: picked.len(),
         flagged: curve.len() - picked.len() - absent,
         exposed_s,

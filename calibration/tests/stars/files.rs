@@ -53,6 +53,12 @@ fn the_mean_of_a_visit_is_weighted_by_time() {
     assert!((found.zenith_deg - (10.0 + 20.0 + 60.0 + 160.0) / 8.0).abs() < 1e-12);
     assert!((found.middle_s - (0.0 + 2.0 + 6.0 + 20.0) / 8.0).abs() < 1e-12);
     assert_eq!((found.used, found.flagged, found.exposed_s), (4, 2, 8.0));
+    // A level that is off by 1.2 Hz is so in all of them: each has 1.6 Hz of its own.
+    let mut level = curve.clone();
+    level.channels[0].common_sigma_hz = Some(vec![1.2; 7]);
+    let found = mean(&level, &level.channels[0], &zenith_deg, &airmass, &aperture).unwrap();
+    let expected = (22.0_f64.sqrt() * 1.6 / 8.0).hypot(1.2);
+    assert!((found.sigma_hz - expected).abs() < 1e-12, "{} {expected}", found.sigma_hz);
     let mut empty = curve.clone();
     empty.channels[0].flags = vec![Flags::GAP; 7];
     assert!(mean(&empty, &empty.channels[0], &zenith_deg, &airmass, &aperture).is_none());

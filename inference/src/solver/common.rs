@@ -24,9 +24,14 @@ pub(super) struct Common {
     less: DVector<f64>,
 }
 
-/// How an error of variance 1, independent of all others, changes samples: by curve and channel, Hz.
+/// How an error of variance 1, independent of all others, changes samples.
 #[derive(Debug, Clone)]
-pub(super) struct SharedError(Vec<(usize, usize, Array1<f64>)>);
+pub(super) struct SharedError {
+    /// By curve and channel, in the unit of the rates.
+    parts: Vec<(usize, usize, Array1<f64>)>,
+    /// Whether it is one of the calibration, not of a level.
+    pub of_calibration: bool,
+}
 
 impl SharedError {
     /// The change of all samples, 0 where it has none. `like` has their number.
@@ -37,7 +42,7 @@ impl SharedError {
     }
 
     fn add_to(&self, rates: &mut PerSample, times: f64) {
-        for (curve, channel, change) in &self.0 {
+        for (curve, channel, change) in &self.parts {
             rates[*curve].column_mut(*channel).scaled_add(times, change);
         }
     }
@@ -54,13 +59,14 @@ pub(super) fn shared(data: &[Data], rates: &PerSample) -> Vec<SharedError> {
             let parts = curves
                 .iter()
                 .flat_map(|p| channels().map(|(c, ln)| (*p, c, &rates[*p].column(c) * *ln)));
-            errors.push(SharedError(parts.collect()));
+            errors.push(SharedError { parts: parts.collect(), of_calibration: true });
         }
     }
     for (p, level) in data.iter().enumerate().filter_map(|(p, d)| Some((p, d.level.as_ref()?))) {
         for (c, column) in level.columns().into_iter().enumerate() {
             if column.iter().any(|hz| *hz > 0.0) {
-                errors.push(SharedError(vec![(p, c, column.to_owned())]));
+                let parts = vec![(p, c, column.to_owned())];
+                errors.push(SharedError { parts, of_calibration: false });
             }
         }
     }

@@ -131,7 +131,9 @@ pub(super) fn estimate(
                 if open { f64::NAN } else { scale * inverse[(a, b)] / (root(*i) * root(*j)) };
         }
     }
-    let of_calibration = calibration(problem, state, &jacobian, &free, &covariance, scale);
+    let [of_calibration, of_levels] =
+        of_shared(problem, state, &jacobian, &free, &covariance, scale);
+    let of_both = &of_calibration + of_levels;
     let response = Response {
         whitener: problem.whitener.clone(),
         common: problem.common.clone(),
@@ -192,12 +194,12 @@ pub(super) fn estimate(
             }
         }
     }
-    // Beside priors the calibration is in χ², and so in the covariance.
+    // Beside priors they are in χ², and so in the covariance.
     let within = problem.common.is_some();
     if within {
-        covariance -= &of_calibration;
+        covariance -= &of_both;
     }
-    let total = &covariance + &of_calibration;
+    let total = &covariance + &of_both;
     let mut estimates = Vec::with_capacity(n);
     for i in 0..n {
         let size = unit(i);
@@ -206,10 +208,10 @@ pub(super) fn estimate(
             v if v.is_nan() => f64::NAN,
             v => v.max(0.0).sqrt(),
         };
-        let calibrated = of_calibration[(i, i)].max(0.0).sqrt();
-        let mut sigma = own.hypot(calibrated);
-        // Of χ² that holds the calibration, half-widths have it.
-        let beside = if within { 0.0 } else { Z95 * calibrated };
+        let [calibrated, shared] = [&of_calibration, &of_both].map(|c| c[(i, i)].max(0.0).sqrt());
+        let mut sigma = own.hypot(shared);
+        // Of χ² that holds these errors, half-widths have them.
+        let beside = if within { 0.0 } else { Z95 * shared };
         let ends_of = |ends: [f64; 2]| -> [f64; 2] {
             let (below, above) = (at[i] - ends[0], ends[1] - at[i]);
             [(at[i] - below.hypot(beside)).max(low[i]), (at[i] + above.hypot(beside)).min(high[i])]
@@ -557,18 +559,18 @@ fn differences(
     Ok((&sides[1] - &sides[0]) / (ends[1] - ends[0]))
 }
 
-/// Returns the covariance of the parameters by the errors that samples have in common: an error ε of ln κ changes the data by ε times the rate, one of a level by the same Hz, and the parameters by the
+/// Returns the covariances of the parameters by the errors that samples have in common, those of the calibration and those of levels: an error ε of ln κ changes the data by ε times the rate, one of a level by the same Hz, and the parameters by the
 /// same least squares as any other change of the data.
-fn calibration(
+fn of_shared(
     problem: &Problem,
     state: &State,
     jacobian: &DMatrix<f64>,
     free: &[usize],
     covariance: &DMatrix<f64>,
     scale: f64,
-) -> DMatrix<f64> {
+) -> [DMatrix<f64>; 2] {
     let n = jacobian.ncols();
-    let mut sum = DMatrix::<f64>::zeros(n, n);
+    let mut sums = [(); 2].map(|()| DMatrix::<f64>::zeros(n, n));
     for error in shared(problem.data, &state.rates) {
         let pull = jacobian.tr_mul(&problem.whitened(&error.of_all(&state.rates)));
         let mut shift = DVector::<f64>::zeros(n);
@@ -576,9 +578,9 @@ fn calibration(
             let terms = free.iter().map(|j| covariance[(*i, *j)] / scale * pull[*j]);
             shift[*i] = terms.filter(|v| v.is_finite()).sum::<f64>();
         }
-        sum += &shift * shift.transpose();
+        sums[usize::from(!error.of_calibration)] += &shift * shift.transpose();
     }
-    sum
+    sums
 }
 
 /// The ends of the interval in which Δχ² stays below `most`, all others following within their bounds; the model taken as linear there.

@@ -143,7 +143,7 @@ pub struct Estimate {
     pub value: f64,
     /// Standard uncertainty of the value, the calibration's and the materials' parts in it; `None` where the data do not determine it.
     pub sigma: Option<f64>,
-    /// The part in it of errors that samples have in common: the calibration's, and those of levels that were taken off.
+    /// The part that the calibration's errors have in it.
     pub sigma_calibration: Option<f64>,
     /// The part that the doubt of the materials has in it ([`Fit::add_materials`]); `None` where no material says how well it is known.
     pub sigma_material: Option<f64>,
