@@ -479,7 +479,7 @@ impl LightCurve {
                 }
                 // As it was rounded in a file it may be a little more.
                 let common = channel.common_sigma_hz.as_ref().map_or(0.0, |c| c[i]);
-                let is_part = common >= 0.0 && !(common > sigma * (1.0 + 1e-9));
+                let is_part = common >= 0.0 && (common <= sigma * (1.0 + 1e-9) || sigma.is_nan());
                 if !(common.is_finite() && is_part || flagged && common.is_nan()) {
                     let expected =
                         "a number from 0 to the whole uncertainty (nan only where a flag says why)";
