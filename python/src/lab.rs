@@ -147,8 +147,7 @@ fn assemble<'py>(
     let (outcome, bytes) = run(py, progress, move |watch: &Watch| {
         let files =
             AssemblyFiles { samples, ndf, plan, wavelength_nm, theta_i, phi_i, side, normals };
-        let begin = || watch.begin("assembling", None);
-        let found = assemble_files(&files, &|warning| watch.warn(warning), &begin)?;
+        let found = assemble_files(&files, watch)?;
         let (made, inputs) = (&found.made, &found.inputs);
         let mut others = vec![Product {
             name: "doubts".into(),

@@ -118,7 +118,9 @@ impl<F: Ask> Refining<F> {
             let corners = self.corners(from, to, at);
             let off = |k: usize| self.said(&corners, k) - self.found.ln[node * self.channels + k];
             for off in (0..self.channels).map(|k| off(k).abs()) {
-                if !(off <= OF_DOUBT * self.found.doubt[node]) {
+                // Also false where anything is not a number.
+                let even = off <= OF_DOUBT * self.found.doubt[node];
+                if !even {
                     return None;
                 }
                 most = most.max(off);
