@@ -199,6 +199,7 @@ fn rates(found: &Found, query: &Query, archive: &Path) -> Result<Joined, Archive
         sigma_hz: Vec::new(),
         flags: Vec::new(),
         model_error_hz: Some(Vec::new()),
+        // Each pass has an error of its own, and a column has one for all.
         common_sigma_hz: None,
     };
     let mut all: Option<LightCurve> = None;
