@@ -24,7 +24,7 @@ pub(super) struct Common {
     less: DVector<f64>,
 }
 
-/// How an error of variance 1, independent of all others, changes samples.
+/// Changes of samples by an error of variance 1 that is independent of all others.
 #[derive(Debug, Clone)]
 pub(super) struct SharedError {
     /// By curve and channel, in the unit of the rates.

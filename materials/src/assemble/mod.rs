@@ -22,7 +22,7 @@ use refine::{Filled, filled};
 use serde::Serialize;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
-use sunglint_numerics::progress::Progress;
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_simulator::surface::measured::Layout;
 use sunglint_simulator::surface::{Blend, Grid, Warp};
 
@@ -91,6 +91,9 @@ pub enum AssembleError {
         "the samples have several azimuths of incidence and the NDF none: measure retro-reflection by azimuth, or turn the samples to one"
     )]
     Azimuths,
+    /// Whoever watches ended it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Coverage of one direction of incidence by measurements.
@@ -155,10 +158,10 @@ struct Slice {
     coverage: Coverage,
 }
 
-/// Puts samples and NDF together; `progress` hears of each direction of incidence.
+/// Puts samples and NDF together; `progress` hears of each direction of incidence, and may end the work between two.
 ///
 /// # Errors
-/// Options out of range, too few samples, an NDF that is 0 everywhere, azimuths that the NDF has not.
+/// Options out of range, too few samples, an NDF that is 0 everywhere, azimuths that the NDF has not; the work was ended.
 pub fn assemble(
     samples: &Samples,
     ndf: &Ndf,
@@ -184,6 +187,9 @@ pub fn assemble(
     let slices = places
         .par_iter()
         .map(|[j, k]| {
+            if progress.is_cancelled() {
+                return Err(Cancelled.into());
+            }
             let at = ([*j, *k], (theta_i[*j], phi_i[*k]));
             let made = slice(&microfacets, &field, &grids, at, nl, options);
             progress.advance(1);

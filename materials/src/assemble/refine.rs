@@ -19,7 +19,7 @@ pub(super) struct Filled {
     pub doubt: Vec<f64>,
     /// Whether it was measured there.
     pub measured: Vec<bool>,
-    /// How many nodes were asked.
+    /// Number of nodes that were asked.
     pub asked: usize,
 }
 
@@ -110,7 +110,7 @@ impl<F: Ask> Refining<F> {
         corners.iter().map(|(node, w)| w * self.found.ln[node * self.channels + channel]).sum()
     }
 
-    /// How far the corners are at most from what stands at the other nodes of nine; `None` where that is too much, or no number.
+    /// Returns the largest distance of what the corners say from what stands at the other nodes of nine; `None` where that is too much, or no number.
     fn off(&self, from: [usize; 2], to: [usize; 2], xs: [usize; 3], ys: [usize; 3]) -> Option<f64> {
         let mut most = 0.0_f64;
         for at in ys.iter().flat_map(|y| xs.map(|x| [x, *y])) {

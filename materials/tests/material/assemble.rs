@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use sunglint_materials::assemble::{AssembleError, AssembleOptions, assemble};
 use sunglint_materials::plan::{PlanOptions, Rig};
 use sunglint_materials::samples::{Samples, direction};
-use sunglint_numerics::progress::Silent;
+use sunglint_numerics::progress::{Progress, Silent};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::surface::measured::material;
 use sunglint_testkit::fixture;
@@ -245,6 +245,19 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     ));
 }
 
+/// Ends the work before anything is done.
+struct Ended;
+
+impl Progress for Ended {
+    fn advance(&self, _: u64) {
+        panic!("a direction of incidence was done");
+    }
+
+    fn is_cancelled(&self) -> bool {
+        true
+    }
+}
+
 /// Truth: the closed forms of six materials, of which the NDF describes three, from a rig in one plane. Tolerance: the doubt that is stated holds the true error in 95 % of the extrapolated
 /// directions of each where f cosθ exceeds 1e-3 of that in the mirrored direction, and says something: its median is below a factor of 1.5. (It misses the mirrored directions beyond 65°, where F rises.)
 #[test]
@@ -292,6 +305,8 @@ fn energy_is_kept_by_what_was_not_measured() {
     }
     let options = AssembleOptions { theta_i: 8, side: 32, ..AssembleOptions::default() };
     let made = assemble(&samples, &ndf, &options, &Silent).unwrap();
+    let ended = assemble(&samples, &ndf, &options, &Ended);
+    assert!(matches!(ended, Err(AssembleError::Cancelled(_))));
     // Wavelength by wavelength 0.64, 0.88 and 1.28 of the light.
     let lowered = made.coverage.iter().filter(|c| c.lowered < 0.95).count();
     let over = made.coverage.iter().filter(|c| c.largest_albedo > 1.001).count();
