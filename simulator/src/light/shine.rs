@@ -451,10 +451,12 @@ impl Effect for Earthshine<'_> {
         let mirroring = self.evaluator.mirroring(from.0, from.1, &sky)?;
         let mut ground = Ground { cap, faces: mirroring.faces, glints: Vec::new(), from };
         self.evaluator.leave_out(&ground.faces);
+        self.evaluator.watch(true);
         let cells = self.bright(mirroring.glints, from).and_then(|glints| {
             ground.glints = glints;
             self.cells(&ground, &sunlight, of_itself)
         });
+        self.evaluator.watch(false);
         self.evaluator.leave_out(&[]);
         let cells = cells?;
         let brightest = earth.grid().map_or(1.0, |grid| grid.range().1);

@@ -47,12 +47,15 @@ struct Sheet {
     material: Material,
     channels: Range<usize>,
     patches: Range<usize>,
-    /// Blocks of directions (of all sets), in the surface's axes: each patch has one, so that neighbours err by chance in different ways.
-    along: Vec<Vec<DVec3>>,
-    /// Each of them as the material is asked for it.
-    masked: Vec<Vec<Masked>>,
-    /// Those along which any patch meets anything.
-    used: Vec<Vec<u32>>,
+    /// Blocks of directions (of all sets) along which any of their patches meets anything: each patch has one block, so that neighbours err by chance in different ways.
+    blocks: Vec<Vec<Direction>>,
+}
+
+/// Direction in a surface's axes, as the material is asked for it.
+#[derive(Debug, Clone, Copy)]
+struct Direction {
+    along: DVec3,
+    masked: Masked,
 }
 
 /// The materials' weights of all rough surfaces along their directions, sr⁻¹: for each surface some rows, one a block (of a near end, one a patch).
@@ -65,11 +68,14 @@ pub struct Weights {
 /// Patch that another patch meets along a direction.
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
+    /// The direction's place in its block.
     direction: u32,
     patch: u32,
     /// Where it leaves the one and arrives at the other, in the surfaces' axes.
     leaves: [f32; 2],
     arrives: [f32; 2],
+    /// The set of the direction.
+    set: u8,
 }
 
 /// Gain of an end at diffuse patches by one rough surface: irradiance E, or the share that is seen.
@@ -132,17 +138,14 @@ impl Chords {
             let blocks = BLOCKS.min((end - first) as u32);
             let material = optics.material(surface.material).clone();
             let along = directions(each, blocks, mixed(seed, number as u32));
-            let masked = |block: &Vec<DVec3>| block.iter().map(|d| material.masked(*d)).collect();
             let sheet = Sheet {
                 surface: number,
                 channels: chords.channels_of(optics, surface.material),
                 patches: first..end,
-                masked: along.iter().map(masked).collect(),
                 material,
-                along,
-                used: Vec::new(),
+                blocks: vec![Vec::new(); along.len()],
             };
-            chords.add(sheet, between, seed);
+            chords.add(sheet, &along, between, seed);
             first = end;
         }
         chords.rough = chords.channels.len();
@@ -166,14 +169,13 @@ impl Chords {
         first..first + count
     }
 
-    fn add(&mut self, mut sheet: Sheet, between: &Between, seed: u32) {
+    fn add(&mut self, mut sheet: Sheet, along: &[Vec<DVec3>], between: &Between, seed: u32) {
         let Between { surfaces, caster, patches, of_surface } = *between;
         let surface = &surfaces.list[sheet.surface];
-        let all = self.each as usize * SCRAMBLES;
         let each = self.each;
         let looked = |p: usize| {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
-            for (k, along) in sheet.along[sheet.block(p)].iter().enumerate() {
+            for (k, along) in along[sheet.block(p)].iter().enumerate() {
                 let (set, index) = (k as u32 / each, k as u32 % each);
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
@@ -196,20 +198,32 @@ impl Chords {
                     patch: q as u32,
                     leaves: leaves.map(|x| x as f32),
                     arrives: [at.x as f32, at.y as f32],
+                    set: set as u8,
                 });
             }
             (meets, buried)
         };
         let of_patches: Vec<_> = sheet.patches.clone().into_par_iter().map(looked).collect();
-        let mut used = vec![vec![false; all]; sheet.along.len()];
-        for (p, (meets, buried)) in sheet.patches.clone().zip(of_patches) {
-            let block = &mut used[sheet.block(p)];
-            meets.iter().flatten().for_each(|m: &Meeting| block[m.direction as usize] = true);
+        let mut places: Vec<Vec<Option<u32>>> = along.iter().map(|a| vec![None; a.len()]).collect();
+        for (p, (meets, _)) in sheet.patches.clone().zip(&of_patches) {
+            let places = &mut places[sheet.block(p)];
+            meets.iter().flatten().for_each(|m| places[m.direction as usize] = Some(0));
+        }
+        for ((places, along), block) in places.iter_mut().zip(along).zip(&mut sheet.blocks) {
+            for (place, along) in places.iter_mut().zip(along).filter(|(place, _)| place.is_some())
+            {
+                *place = Some(block.len() as u32);
+                block.push(Direction { along: *along, masked: sheet.material.masked(*along) });
+            }
+        }
+        for (p, (mut meets, buried)) in sheet.patches.clone().zip(of_patches) {
+            let places = &places[sheet.block(p)];
+            for meeting in meets.iter_mut().flatten() {
+                meeting.direction = places[meeting.direction as usize].unwrap_or(0);
+            }
             self.meets.push(meets);
             self.buried.push(buried);
         }
-        let numbers = |used: &Vec<bool>| (0..all as u32).filter(|k| used[*k as usize]).collect();
-        sheet.used = used.iter().map(numbers).collect();
         self.sheets.push(sheet);
     }
 
@@ -220,7 +234,7 @@ impl Chords {
 
     /// How often materials are asked for a distant end.
     pub fn asked(&self) -> usize {
-        self.sheets.iter().flat_map(|s| &s.used).map(Vec::len).sum()
+        self.sheets.iter().flat_map(|s| &s.blocks).map(Vec::len).sum()
     }
 
     /// How many directions meet anything.
@@ -263,7 +277,7 @@ impl Chords {
                 continue;
             }
             let end = local(surface, towards(&toward, surface.origin));
-            for (block, row) in rows.iter_mut().enumerate().take(sheet.along.len()) {
+            for (block, row) in rows.iter_mut().enumerate().take(sheet.blocks.len()) {
                 if seen().any(|p| sheet.block(p) == block) {
                     sheet.weights(block, end, sends, row);
                 }
@@ -290,7 +304,7 @@ impl Chords {
                     if lit == 0.0 {
                         continue;
                     }
-                    let (set, large) = (k / self.each as usize, patches.list[q].coarse);
+                    let (set, large) = (meeting.set as usize, patches.list[q].coarse);
                     let (fine, coarse) = (lit / areas[0][q], lit / areas[1][large]);
                     for (c, w) in sheet.channels.clone().zip(weights) {
                         gain.fine[c][q] += fine * w;
@@ -331,7 +345,7 @@ impl Chords {
                         }
                         let here = near.at(p, sheet.surface, meeting.leaves);
                         let last = self.diffuse[q] as usize;
-                        let set = &mut pairs.sets[k / self.each as usize];
+                        let set = &mut pairs.sets[meeting.set as usize];
                         for (c, w) in sheet.channels.clone().zip(weights) {
                             set[c * channels + last] += scale * here * there * w;
                         }
@@ -352,7 +366,7 @@ impl Chords {
                     if here > 0.0 {
                         let along = body(
                             &patched.surfaces.list[sheet.surface],
-                            sheet.along[sheet.block(p)][k],
+                            sheet.blocks[sheet.block(p)][k].along,
                         );
                         self.pair(patched, (meeting, along, here), (sheet, weights), to, pairs);
                     }
@@ -382,7 +396,7 @@ impl Chords {
         pairs.room.resize(last.channels.len(), 0.0);
         let room = &mut pairs.room;
         last.material.add_weights(local(face, -along), eye, here * there, room);
-        let set = &mut pairs.sets[meeting.direction as usize / self.each as usize];
+        let set = &mut pairs.sets[meeting.set as usize];
         for (a, w) in sheet.channels.clone().zip(sent) {
             for (b, v) in last.channels.clone().zip(&*room) {
                 set[a * self.channels.len() + b] += w * v;
@@ -402,22 +416,20 @@ impl Weights {
 impl Sheet {
     /// The block of directions of a patch.
     fn block(&self, patch: usize) -> usize {
-        patch % self.along.len()
+        patch % self.blocks.len()
     }
 
-    /// The material's weights along the directions of a block that are in use, sr⁻¹; what stands at the others is left as it was.
+    /// The material's weights along the directions of a block, sr⁻¹.
     fn weights(&self, block: usize, end: DVec3, sends: bool, out: &mut Vec<f64>) {
-        let count = self.channels.len();
-        out.resize(self.along[block].len() * count, 0.0);
+        let (block, count) = (&self.blocks[block], self.channels.len());
+        out.clear();
+        out.resize(block.len() * count, 0.0);
+        if end.z <= 0.0 {
+            return;
+        }
         let end = (end, self.material.masked(end));
-        for &k in &self.used[block] {
-            let k = k as usize;
-            let row = &mut out[k * count..(k + 1) * count];
-            row.fill(0.0);
-            if end.0.z <= 0.0 {
-                continue;
-            }
-            let along = (self.along[block][k], self.masked[block][k]);
+        for (direction, row) in block.iter().zip(out.chunks_exact_mut(count.max(1))) {
+            let along = (direction.along, direction.masked);
             let (i, o) = if sends { (end, along) } else { (along, end) };
             self.material.add_weights_between(i, o, 1.0, row);
         }

@@ -36,12 +36,11 @@ impl Claim {
     /// From trials; `None` where paths find other light than the patches' size explains.
     pub fn of(trials: &[Trial]) -> Option<Self> {
         let sum = |f: &dyn Fn(&Trial) -> f64| trials.iter().map(f).sum::<f64>();
-        let all = sum(&|t| t.light * t.light);
-        if all <= 0.0 {
-            return (sum(&|t| t.found) <= 0.0).then_some(Self { scale: 1.0, typical: 0.0 });
+        let plain = Self::plain(trials.iter().map(|t| (t.light, t.left)));
+        let typical = plain.typical;
+        if sum(&|t| t.light * t.light) <= 0.0 {
+            return (sum(&|t| t.found) <= 0.0).then_some(plain);
         }
-        let typical = (sum(&|t| t.left * t.left) / all).sqrt();
-        let plain = Self { scale: 1.0, typical };
         let claim = |t: &Trial| plain.of_size(t.light, t.left) + t.noise;
         let variance = sum(&|t| t.sigma * t.sigma);
         let apart = sum(&|t| t.light - t.found).abs();
@@ -52,6 +51,14 @@ impl Claim {
         let needed = ERRORS * (square.max(0.0) / sum(&|t| claim(t).powi(2))).sqrt();
         let scale = needed.max(1.0);
         (scale <= MOST_SCALE).then_some(Self { scale, typical })
+    }
+
+    /// Returns the claim before light paths say anything, from the light of some directions and what patches of twice the size change.
+    pub fn plain(lights: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (all, left) =
+            lights.fold((0.0, 0.0), |(a, l), (light, left)| (a + light * light, l + left * left));
+        let typical = if all > 0.0 { f64::sqrt(left / all) } else { 0.0 };
+        Self { scale: 1.0, typical }
     }
 
     /// The claim for some light, where patches of twice the size change it by `left`.

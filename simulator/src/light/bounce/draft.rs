@@ -9,7 +9,7 @@ use super::optics::Optics;
 use super::orders::{Found, Orders};
 use super::patches::Patches;
 use super::paths::{Paths, Sums, mixed};
-use super::pilot::{Pair, Pilot, TOGETHER};
+use super::pilot::{self, Pair, Pilot, TOGETHER};
 use super::still::Effort;
 use super::surfaces::Surfaces;
 use super::tracing::Plan;
@@ -21,8 +21,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Paths of each pair and scramble against which patches are held.
+/// Paths of each pair and scramble against which patches are held at most.
 const AGREEING: u32 = 512;
+/// Standard error of those paths that is small enough, as a share of the patches' claims (roots of the sums of squares over all pairs): beyond it more paths say nothing new.
+const OF_CLAIMS: f64 = 0.6;
 
 /// Rays for the directions of all rough patches at most: half a second.
 const MOST_CHORDS: usize = 1 << 20;
@@ -207,6 +209,7 @@ impl<'a> Draft<'a> {
         let both_ends = active.iter().any(|k| rough[*k]);
         let orders = self.orders()?;
         let of_patches = self.of_pairs(&orders, pilot);
+        let points = agreeing(pilot, &of_patches);
         let one = |optics: &mut Optics, (pair, of_patches): (&Pair, Found)| {
             let mut traced = |rest_of: Option<&[bool]>| {
                 let mut sums = Sums::new(1);
@@ -220,7 +223,7 @@ impl<'a> Draft<'a> {
                     polariser: None,
                     seed: mixed(seed, 0xa9 + u32::from(rest_of.is_some())),
                 };
-                paths.trace(pair.sun, Toward::Far(pair.to), AGREEING, &mut sums);
+                paths.trace(pair.sun, Toward::Far(pair.to), points, &mut sums);
                 sums.bounced(0)
             };
             let (found, sigma) = traced(None);
@@ -228,7 +231,7 @@ impl<'a> Draft<'a> {
             let (Found { light, left, .. }, noise) = (of_patches, of_patches.noise());
             let sigma = sigma.hypot(rest.1);
             let trial = Trial { light: light + rest.0, left, noise, found, sigma };
-            (trial, noise + plan.claimed(rest.1, AGREEING))
+            (trial, noise + plan.claimed(rest.1, points))
         };
         let pairs = pilot.pairs.par_iter().zip(of_patches).with_min_len(TOGETHER);
         let (trials, claimed): (Vec<Trial>, Vec<f64>) =
@@ -249,5 +252,20 @@ impl<'a> Draft<'a> {
         let wanted = (0..nodes.nm.len(), self.node);
         let orders = Orders::new(&self.patched, &self.exchange, self.optics, wanted, nodes.error)?;
         Some((self.patched, orders))
+    }
+}
+
+/// Paths of each pair and scramble that know the light well beside what patches claim of it, by what the paths of the first look knew.
+fn agreeing(pilot: &Pilot, of_patches: &[Found]) -> u32 {
+    let plain = Claim::plain(of_patches.iter().map(|f| (f.light, f.left)));
+    let square = |f: &Found| (plain.of_size(f.light, f.left) + f.noise()).powi(2);
+    let claims: f64 = of_patches.iter().map(square).sum();
+    let variance: f64 = pilot.pairs.iter().map(|p| p.sigma * p.sigma).sum();
+    let times = variance / (OF_CLAIMS * OF_CLAIMS * claims);
+    let points = |times: f64| (f64::from(pilot::POINTS) * times).ceil() as u32;
+    if times <= f64::from(AGREEING / pilot::POINTS) {
+        points(times.max(1.0)).next_power_of_two().min(AGREEING)
+    } else {
+        AGREEING
     }
 }
