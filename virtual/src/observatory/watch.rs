@@ -192,6 +192,14 @@ impl Watch {
         }
     }
 
+    /// Rate that a counter's detector is given for its light, Hz: where it has a table, what that says is counted.
+    fn given_hz(&self, channel: usize, light_hz: f64) -> f64 {
+        match self.night.channels.get(channel).map(|channel| &channel.instrument) {
+            Some(Instrument::Counter { table: Some(table), .. }) => table.counted_hz(light_hz),
+            _ => light_hz,
+        }
+    }
+
     /// The counts of counters in a bin, ps from the night's begin; 0 of a channel that is no counter.
     pub fn counts(&mut self, channels: &[usize], span_ps: Range<i64>) -> Vec<u64> {
         let (from_s, to_s) = (span_ps.start as f64 / PS, span_ps.end as f64 / PS);
@@ -206,7 +214,8 @@ impl Watch {
             let lamp_hz = self.lamp_hz(&moment, time_s - half_s..time_s + half_s);
             for (channel, rates_hz) in channels.iter().zip(&mut rates_hz) {
                 let light_hz = light_hz(&self.night, *channel, &moment, time_s);
-                rates_hz.push(light_hz.map_or(0.0, |light_hz| light_hz + lamp_hz));
+                rates_hz
+                    .push(light_hz.map_or(0.0, |light| self.given_hz(*channel, light + lamp_hz)));
             }
         }
         let counts = channels.iter().zip(&rates_hz).map(|(channel, rates_hz)| {
@@ -223,8 +232,10 @@ impl Watch {
     /// [`counts`](Self::counts) tells, but other draws of the same light.
     pub fn tags(&mut self, channel: usize, span_ps: Range<i64>, step_ps: i64) -> Vec<i64> {
         let Some((detector, seed)) = self.detector(channel) else { return Vec::new() };
-        detector
-            .tags(seed, span_ps, step_ps, |time_s| self.light_hz(channel, time_s).unwrap_or(0.0))
+        detector.tags(seed, span_ps, step_ps, |time_s| {
+            let light_hz = self.light_hz(channel, time_s).unwrap_or(0.0);
+            self.given_hz(channel, light_hz)
+        })
     }
 
     /// The frame of an exposure that begins `start_s` after the night's begin, and its truth; `None` without a camera.

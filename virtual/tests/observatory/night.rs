@@ -8,7 +8,7 @@ use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer};
 use sunglint_radiometry::star_light::{self, StarColours};
-use sunglint_radiometry::station::Station;
+use sunglint_radiometry::station::{self, Station};
 use sunglint_virtual::observatory::frame::Exposure;
 use sunglint_virtual::observatory::night::{Night, NightError};
 use sunglint_virtual::observatory::options::{Options, PlanOptions, VisitKind};
@@ -288,6 +288,43 @@ fn a_night_is_what_it_is() {
     {
         let rate_hz: f64 = dark_hz + sky[name];
         assert!((*counts as f64 - rate_hz).abs() < 5.0 * rate_hz.sqrt() + 0.01 * rate_hz, "{name}");
+    }
+}
+
+/// Truth: by hand, a table of three rows: 0.9 of 10 kHz and 0.7 of 100 kHz are counted, a line between them, from darkness to the first row and none beyond the last. 300 bins
+/// of a second know a mean to its Poisson error, five of them are allowed; their variance is that of photons to 5 × √(2/300). Tags are counted alike.
+#[test]
+fn a_counter_of_a_table_counts_what_it_says() {
+    let mut station = station();
+    let number = station.channels.iter().position(|c| c.name == "mppc").unwrap();
+    let station::Detector::Counter(counter) = &mut station.channels[number].detector else {
+        panic!("a counter")
+    };
+    counter.fibre = None;
+    counter.dark_rate_hz = 500.0;
+    counter.dead_time = station::DeadTime::Table {
+        measured_hz: vec![9e3, 7e4, 8e4],
+        true_hz: vec![1e4, 1e5, 2e5],
+    };
+    for (light_hz, counted) in
+        [(4_500.0, 4_500.0), (54_500.0, 9e3 + 45.0 / 90.0 * 6.1e4), (1e6, 8e4)]
+    {
+        let mut options = calm();
+        options.sky.v_mag_per_arcsec2 = 40.0;
+        options.kappa.insert("mppc".into(), 1.0);
+        let visits = steady(light_hz, 300.0);
+        let night =
+            Night::new(options, &station, start(), visits, EarthOrientation::embedded()).unwrap();
+        let mut watch = Watch::new(Arc::new(night));
+        let second = 1_000_000_000_000;
+        let bins: Vec<f64> = (0..300)
+            .map(|s| watch.counts(&[number], s * second..(s + 1) * second)[0] as f64)
+            .collect();
+        let (mean, variance) = moments(&bins);
+        assert!((mean - counted).abs() < 5.0 * (counted / 300.0).sqrt(), "{light_hz}: {mean}");
+        assert!((variance / counted - 1.0).abs() < 5.0 * (2.0_f64 / 300.0).sqrt(), "{variance}");
+        let tags = watch.tags(number, 0..10 * second, 10_000_000_000).len() as f64;
+        assert!((tags - 10.0 * counted).abs() < 5.0 * (10.0 * counted).sqrt(), "{tags}");
     }
 }
 

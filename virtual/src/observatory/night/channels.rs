@@ -1,6 +1,6 @@
 //! True properties of a station's channels on a night.
 
-use super::{ChannelTruth, Instrument, NightError};
+use super::{ChannelTruth, CountTable, Instrument, NightError};
 use crate::observatory::events::{DeadTime, Detector};
 use crate::observatory::frame::{PixelFaults, Sensor};
 use crate::observatory::options::Options;
@@ -86,8 +86,10 @@ pub(super) fn channel_truth(
             let field = counter.fibre.map_or(78.5, |fibre| {
                 std::f64::consts::TAU * fibre.sigma_px[0] * fibre.sigma_px[1] * scale * scale
             });
+            let (detector, table) = detector(options, channel, counter)?;
             Instrument::Counter {
-                detector: detector(options, channel, counter)?,
+                detector,
+                table,
                 fibre: counter.fibre,
                 sky_hz: per_arcsec2 * field,
                 sky_colour,
@@ -116,8 +118,10 @@ fn detector(
     options: &Options,
     channel: &station::Channel,
     counter: &station::Counter,
-) -> Result<Detector, NightError> {
+) -> Result<(Detector, Option<CountTable>), NightError> {
     let own = options.counter.get(&channel.name);
+    let mut dark_rate_hz = own.and_then(|own| own.dark_rate_hz).unwrap_or(counter.dark_rate_hz);
+    let mut table = None;
     let dead_time = match (own.and_then(|own| own.dead_time()), &counter.dead_time) {
         (Some(dead_time), _) => dead_time,
         (None, station::DeadTime::None) => DeadTime::None,
@@ -133,8 +137,16 @@ fn detector(
         (None, &station::DeadTime::MultiPixel { pixels, recovery_s, pulse_s }) => {
             DeadTime::Comparator { pixels, recovery_s, pulse_s }
         }
-        (None, _) => return Err(NightError::Table { channel: channel.name.clone() }),
+        (None, station::DeadTime::Table { measured_hz, true_hz }) => {
+            table = Some(CountTable {
+                arriving_hz: true_hz.clone(),
+                counted_hz: measured_hz.clone(),
+                dark_rate_hz: std::mem::take(&mut dark_rate_hz),
+            });
+            DeadTime::None
+        }
+        (None, _) => return Err(NightError::DeadTime { channel: channel.name.clone() }),
     };
-    let dark_rate_hz = own.and_then(|own| own.dark_rate_hz).unwrap_or(counter.dark_rate_hz);
-    Ok(Detector { dead_time, dark_rate_hz, afterpulsing: own.and_then(|own| own.afterpulsing()) })
+    let afterpulsing = own.and_then(|own| own.afterpulsing());
+    Ok((Detector { dead_time, dark_rate_hz, afterpulsing }, table))
 }

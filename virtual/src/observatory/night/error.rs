@@ -25,11 +25,11 @@ pub enum NightError {
         /// Channels that there are.
         known: String,
     },
-    /// A dead time that is a table says nothing of photons.
+    /// A dead time of the station that no virtual counter has.
     #[error(
-        "channel {channel}: its dead time is a table, which does not say what each photon does; give [counter.{channel}] a dead_time_model"
+        "channel {channel}: its dead time is of a kind that virtual counters do not have; give [counter.{channel}] a dead_time_model"
     )]
-    Table {
+    DeadTime {
         /// The channel.
         channel: String,
     },

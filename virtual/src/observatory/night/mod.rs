@@ -31,6 +31,33 @@ pub struct ChannelTruth {
     pub instrument: Instrument,
 }
 
+/// What a counter counts of steady light, from a table. It says nothing of the gaps between counts: they are as random as those of photons.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CountTable {
+    /// Rates that arrive, dark events among them, Hz, rising.
+    arriving_hz: Vec<f64>,
+    /// Rates that are counted, Hz.
+    counted_hz: Vec<f64>,
+    /// Dark events, Hz.
+    dark_rate_hz: f64,
+}
+
+impl CountTable {
+    /// Returns the rate that is counted of light, Hz: on a line from darkness below the table's first row, between rows on a line, and what its last row counts beyond that.
+    pub fn counted_hz(&self, light_hz: f64) -> f64 {
+        let arriving = light_hz.max(0.0) + self.dark_rate_hz;
+        let mut before = (0.0, 0.0);
+        for row in self.arriving_hz.iter().copied().zip(self.counted_hz.iter().copied()) {
+            if arriving < row.0 {
+                let part = (arriving - before.0) / (row.0 - before.0);
+                return before.1 + part * (row.1 - before.1);
+            }
+            before = row;
+        }
+        before.1
+    }
+}
+
 /// Instrument that counts the light of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Instrument {
@@ -38,6 +65,8 @@ pub enum Instrument {
     Counter {
         /// Detector.
         detector: Detector,
+        /// A table of what it counts, in place of a dead time: the dark counts are in it.
+        table: Option<CountTable>,
         /// Fibre's field; all of the light without it.
         fibre: Option<Fibre>,
         /// Sky's light that arrives at the night's begin, Hz.
@@ -136,7 +165,7 @@ impl Night {
     /// A night over a station.
     ///
     /// # Errors
-    /// Options that no night can have or that name another station's channels; a counter whose dead time is a table; a star
+    /// Options that no night can have or that name another station's channels; a counter whose dead time has no model; a star
     /// without light or below the horizon; visits that overlap; a curve of the wrong shape.
     pub fn new(
         options: Options,
