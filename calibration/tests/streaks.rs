@@ -201,7 +201,7 @@ impl Drop for Peers {
 /// besides its own noise (3 σ). Beside it SEP and a Hough transform search the same frames.
 #[test]
 fn campaign_streaks() {
-    let mut campaign = Campaign::in_shards("streaks", 1000, 50, &FRAME);
+    let mut campaign = Campaign::in_shards("streaks", 1000, 20, &FRAME);
     let mut peers = sunglint_testkit::peer_python("campaign_streaks", &["numpy", "sep"])
         .map(|python| Peers::new(&python));
     let is = |holds: bool| f64::from(u8::from(holds));
