@@ -201,6 +201,37 @@ fn the_commands_of_the_page_run() {
     folder.refused(2, &["brdf", "retro", "run.toml", "-o", "one.ecsv"]);
 }
 
+/// The page's run with a Lambert standard in place of splitter and lens. Truth: the rig of docs/lab.md (GGX 0.1, F₀ 0.8) and its standard of 0.99. Tolerances as for the page's own run; a standard that is said to be half
+/// as bright halves every f.
+#[test]
+fn a_run_is_held_against_a_standard() {
+    let folder = lab("lab-standard", |rig| rig);
+    let toml = page(RUN);
+    let [splitter, stop] = ["[splitter]", "[stop]"].map(|key| toml.find(key).unwrap());
+    let run = |reflectance: f64| {
+        let standard = format!(
+            "[standard]\nreflectance = {reflectance}\nrelative_sigma = 0.01\nangle_deg = 10\n\n"
+        );
+        let text = [&toml[..splitter], &standard, &toml[stop..]].concat();
+        std::fs::write(folder.path("run.toml"), text).unwrap();
+    };
+    run(0.99);
+    // A folder that is not there yet needs no slash.
+    let json = folder.json(&["brdf", "retro", "run.toml", "-o", "held", "--json"]);
+    assert_eq!((&json["angles"], &json["angles_left"]), (&151.into(), &0.into()));
+    let table = ecsv::read(folder.path("held/retro.ecsv")).unwrap();
+    let ndf = folder.json(&["brdf", "ndf", "held/retro.ecsv", "--json", "-o", "held/"]);
+    let alpha = ndf["profiles"][0]["fits"]["ggx"]["alpha"].as_f64().unwrap();
+    assert!((alpha / 0.1 - 1.0).abs() < 0.02, "{alpha}");
+    let [f0, sigma] = ["f0", "f0_sigma"].map(|key| ndf[key].as_f64().unwrap());
+    assert!((f0 - 0.8).abs() < 3.0 * sigma && sigma < 0.03, "{f0} {sigma}");
+    run(0.495);
+    folder.done(&["brdf", "retro", "run.toml", "--reduce", "-q", "--force", "-o", "held/"]);
+    let half = ecsv::read(folder.path("held/retro.ecsv")).unwrap();
+    let [before, after] = [&table, &half].map(|t| t.f64("f_per_sr").unwrap()[40]);
+    assert!((after / before - 0.5).abs() < 1e-9, "{before} {after}");
+}
+
 /// A folder with a microfacet distribution of the page's rig, for plans.
 fn distribution(name: &str) -> Folder {
     let folder = lab(name, |rig| rig);
@@ -247,8 +278,10 @@ fn from_a_plan_to_a_material_in_three_commands() {
     std::fs::write(folder.path("goniometer.toml"), goniometer).unwrap();
     let bench = "virtual = \"goniometer.toml\"\n[axis.azimuth]\n[signature]\nmeasure = false\n";
     std::fs::write(folder.path("bad.toml"), bench).unwrap();
-    let run = ["brdf", "run", "lab/plan.ecsv", "--bench", "bad.toml", "-o", "bad/", "--json"];
+    // A folder that is not there yet needs no slash.
+    let run = ["brdf", "run", "lab/plan.ecsv", "--bench", "bad.toml", "-o", "bad", "--json"];
     let ran = folder.json(&run);
+    assert!(folder.path("bad/readings.ecsv").is_file());
     assert!(ran["missing"].to_string().contains("signature"), "{}", ran["missing"]);
     let made = folder.json(&["brdf", "ingest", "bad/", "--json"]);
     assert!(made["warnings"].to_string().contains("signature"), "{}", made["warnings"]);

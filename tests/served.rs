@@ -84,7 +84,8 @@ meter.close()
         let printed = run_python(&python, script, &[path.to_str().unwrap()]);
         assert_eq!(printed, "0.0025 7.000000000000001e-07\n");
     }
-    let read = folder.json(&["devices", "read", "ophir:meter", "-n", "2", "--json"]);
+    let read = ["devices", "read", "ophir:meter", "--with", "update_hz=15", "-n", "2", "--json"];
+    let read = folder.json(&read);
     assert_eq!(read["readings"][1]["power_w"], 0.0025);
     let check = folder.json(&["devices", "check", "ophir:meter", "--json"]);
     assert!(check["settings"].to_string().contains("700"), "{check}");

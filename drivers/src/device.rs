@@ -11,6 +11,7 @@ mod error;
 mod focuser;
 mod host_time;
 mod mount;
+mod pace;
 mod scale;
 mod sink;
 
@@ -28,6 +29,8 @@ pub use mount::{
     Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountClock, MountKnown, MountMotion,
     MountPlace, MountRates, MountReading, MountSite, MountTime, PierSide, Spot,
 };
+pub(crate) use pace::Pace;
+pub use pace::{Repeats, Update};
 pub use sink::TagSink;
 
 use crate::clock::Deadline;

@@ -1,4 +1,4 @@
-//! Our simulated HDX over a real socket, under our driver and under a host that we did not write: seabreeze 2.11.0, its pure Python backend.
+//! Our simulated HDX over a real socket, under our driver and under a host that we did not write: seabreeze 2.11.0, its pure Python backend, by its transport for networks and by that for USB.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use std::net::SocketAddr;
@@ -6,10 +6,11 @@ use std::time::Duration;
 use sunglint_drivers::catalogue::Address;
 use sunglint_drivers::clock::{Cancel, Deadline};
 use sunglint_drivers::device::{Device as _, Spectrometer as _};
-use sunglint_drivers::ocean::{LinkSettings, Obp, ObpSettings};
+use sunglint_drivers::ocean::{Bulk, ENDPOINTS, LinkSettings, Obp, ObpSettings};
 use sunglint_drivers::simulated::ocean::{Ocean, OceanSettings};
 use sunglint_drivers::simulated::served::{Port, Served};
 use sunglint_drivers::transport::tcp::Tcp;
+use sunglint_drivers::transport::{Bytes as _, Transfer, Transfers, TransportError};
 use sunglint_testkit::{peer_python, run_python};
 
 /// Serves `sim-ocean` at a port of the system's choice while `with` runs.
@@ -90,6 +91,68 @@ fn seabreeze_reads_the_values_that_our_driver_reads() {
         assert!(!agrees(&truth, &spectra[0], 20_000), "the trap is there");
         for (spectrum, us) in ours.iter().zip([20_000, 60_000]) {
             assert!(agrees(&truth, &spectrum.counts, us), "our spectrum of {us} µs");
+        }
+    }
+}
+
+/// Truth: what seabreeze's own USB transport (its endpoints and reads of an HDX, pyusb 1.3.1) makes of the answers, beside what our driver reads over bulk transfers. There is no bus: pyusb's backend carries
+/// the transfers over a socket, and so do our own. Tolerances as above.
+#[test]
+fn seabreeze_reads_over_usb_what_our_driver_reads_over_usb() {
+    let name = "seabreeze_reads_over_usb_what_our_driver_reads_over_usb";
+    let Some(python) = peer_python(name, &["seabreeze.pyseabreeze", "usb.backend"]) else { return };
+    let script = include_str!("../../tests/peers/ocean_usb.py");
+    let options = ["lamp=1"];
+    let printed = served(&options, |at| {
+        run_python(&python, script, &[&at.ip().to_string(), &at.port().to_string()])
+    });
+    let lines: Vec<&str> = printed.lines().collect();
+    assert_eq!(lines.len(), 7, "{printed}");
+    assert_eq!(lines[0], "HDX HDX01042");
+    let truth = Ocean::new(OceanSettings::default());
+    let ours = served(&options, |at| {
+        let within = || Deadline::within(Duration::from_secs(20));
+        let bus = Bus(Tcp::connect(&at.to_string(), &within()).unwrap());
+        let line = Bulk::new(bus, ENDPOINTS);
+        let (link, settings) = (LinkSettings::default(), ObpSettings::default());
+        let mut device = Obp::open(line, link, settings, &within()).unwrap();
+        assert_eq!(device.identity(&within()).unwrap().serial.unwrap(), "HDX01042");
+        [0.02, 0.06].map(|seconds| device.expose(seconds, &within()).unwrap())
+    });
+    let wavelengths = numbers(lines[1]);
+    assert_eq!((wavelengths.len(), ours[0].wavelength_nm.len()), (2068, 2068));
+    for (theirs, own) in wavelengths.iter().zip(&ours[0].wavelength_nm) {
+        assert!((theirs - own).abs() < 1e-9, "{theirs} {own}");
+    }
+    let spectra: Vec<Vec<f64>> = lines[2..6].iter().map(|line| numbers(line)).collect();
+    for (spectrum, us) in spectra.iter().zip([10_000, 20_000, 20_000, 60_000]) {
+        assert!(agrees(&truth, spectrum, us), "seabreeze's spectrum of {us} µs");
+    }
+    for (spectrum, us) in ours.iter().zip([20_000, 60_000]) {
+        assert!(agrees(&truth, &spectrum.counts, us), "our spectrum of {us} µs");
+    }
+}
+
+/// Bulk transfers over a socket.
+struct Bus(Tcp);
+
+impl Transfers for Bus {
+    fn transfer(
+        &mut self,
+        transfer: &Transfer,
+        deadline: &Deadline,
+    ) -> Result<Vec<u8>, TransportError> {
+        match transfer {
+            Transfer::BulkOut { endpoint: 0x01, data } => {
+                self.0.send(data, deadline).map(|()| Vec::new())
+            }
+            Transfer::BulkIn { endpoint: 0x81, length } => {
+                let mut buffer = vec![0; *length];
+                let count = self.0.receive(&mut buffer, deadline)?;
+                buffer.truncate(count);
+                Ok(buffer)
+            }
+            other => panic!("no transfer of an HDX: {other:?}"),
         }
     }
 }

@@ -46,6 +46,7 @@ mod scpi_peer;
 mod scpi_zmq;
 mod smc100_stage;
 mod spectra_fixtures;
+mod stale_readings;
 mod standa_peer;
 mod standa_stage;
 mod swabian_bridge;

@@ -3,6 +3,7 @@
 //! In the order of the work in the lab, each step a table that the next one reads:
 //!
 //! - [`retro`]: from a power meter's readings to retro-reflection against angle;
+//! - [`settling`]: how long its readings take to settle;
 //! - [`table`]: that, as a file holds it;
 //! - [`ndf`]: the density of microfacet normals (NDF), by power iteration, with its uncertainties;
 //! - [`plan`]: the directions in which the sample is then measured;
@@ -28,4 +29,5 @@ pub mod read;
 pub mod reading;
 pub mod retro;
 pub mod samples;
+pub mod settling;
 pub mod table;

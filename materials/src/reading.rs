@@ -2,6 +2,7 @@
 
 use crate::log::RecordError;
 use crate::retro::AtAngle;
+use crate::settling::{Lag, Settling};
 use std::collections::BTreeMap;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
@@ -93,7 +94,7 @@ pub struct Reader<'a> {
     pub clock: &'a DeviceClock,
     /// Stops it.
     pub cancel: &'a Cancel,
-    /// Wait before the first reading and after a change of range, s.
+    /// Wait before the first reading and after a change of range, s; longer where the readings were found to take longer.
     pub settle_s: f64,
     /// How long a reading may take, s.
     pub timeout_s: f64,
@@ -101,6 +102,8 @@ pub struct Reader<'a> {
     pub readings: u32,
     /// Wait between readings, s.
     pub interval_s: f64,
+    /// How long readings take to settle, as the places of the run so far tell.
+    pub settling: &'a mut Settling,
 }
 
 impl Reader<'_> {
@@ -119,9 +122,11 @@ impl Reader<'_> {
     /// # Errors
     /// See [`ReadError`]; what was read until then is kept.
     pub fn take(&mut self, place: &str, keep: &mut dyn Keep) -> Result<(), ReadError> {
-        self.wait(self.settle_s)?;
+        let settle_s = self.settling.wait_s(self.settle_s);
+        self.wait(settle_s)?;
         let mut range = self.range(place, keep)?;
         for take in 1..=RANGES {
+            let mut read = Vec::new();
             for number in 0..self.readings {
                 if number > 0 {
                     self.wait(self.interval_s)?;
@@ -131,6 +136,7 @@ impl Reader<'_> {
                     Power::Watts(power_w) => (power_w, State::Read),
                     _ => (f64::NAN, State::Over),
                 };
+                read.push((self.clock.clock.now().as_secs_f64(), power_w));
                 keep.reading(power_w, state, &range)?;
             }
             let now = self.range(place, keep)?;
@@ -145,10 +151,15 @@ impl Reader<'_> {
             keep.reading(f64::NAN, state, &range)?;
             keep.sync()?;
             if stays {
+                // Readings after a change of range no longer follow the move.
+                let lag = self.settling.place(&read, settle_s, take == 1);
+                if let Some(lag) = lag {
+                    keep.event(&lag_text(place, &lag, settle_s))?;
+                }
                 return Ok(());
             }
             range = now;
-            self.wait(self.settle_s)?;
+            self.wait(settle_s)?;
         }
         Ok(())
     }
@@ -185,6 +196,15 @@ impl Reader<'_> {
         }
         Err(ReadError::Stopped)
     }
+}
+
+fn lag_text(place: &str, lag: &Lag, settle_s: f64) -> String {
+    let Lag { left, sigma, constant_s, wait_s } = lag;
+    format!(
+        "{place} the meter still follows the light when it is read: {:.2} ± {:.2} % of a step is left {settle_s:.2} s after the move, with a time constant of {constant_s:.2} s. From now on it is waited for {wait_s:.2} s. The readings before have that error: begin anew with settle_s = {wait_s:.1}",
+        100.0 * left,
+        100.0 * sigma,
+    )
 }
 
 /// A line of a run, as [`kept`] takes it.

@@ -6,3 +6,4 @@ mod material;
 mod ndf;
 mod plan;
 mod retro;
+mod settling;

@@ -3,9 +3,10 @@
 use super::options::OptionKind::{Integer, Number};
 use super::{Address, AnyDevice, Bus, Driver, Kind, Line, OptionSpec, Place, UsbId, Wire};
 use crate::clock::Deadline;
-use crate::device::DeviceError;
+use crate::device::{DeviceError, Update};
 use crate::simulated::{InMemory, Steady, ophir as sim_ophir, pm100 as sim_pm100};
 use crate::{ophir, thorlabs};
+use std::time::Duration;
 
 /// The light on a simulated head.
 const POWER: OptionSpec = OptionSpec {
@@ -13,6 +14,14 @@ const POWER: OptionSpec = OptionSpec {
     kind: Number(-1.0, 1e3),
     default: "0.0013",
     about: "the light on the simulated head, W",
+};
+
+/// Values of an Ophir meter in a second.
+const UPDATE_HZ: OptionSpec = OptionSpec {
+    name: "update_hz",
+    kind: Number(0.01, 1000.0),
+    default: "",
+    about: "new values of the meter in a second, as its manual says; measured if it is not given",
 };
 
 /// Ophir, by serial port.
@@ -24,12 +33,15 @@ pub(super) static OPHIR: Driver = Driver {
     tried: "our simulated meter, which pylablib 1.4.3 drives too; no real meter yet",
     simulated: false,
     place: Place { form: "PORT", example: "ophir:/dev/ttyUSB0", optional: false },
-    options: &[OptionSpec {
-        name: "baud",
-        kind: Integer(1200, 115_200),
-        default: "9600",
-        about: "speed of the serial line",
-    }],
+    options: &[
+        OptionSpec {
+            name: "baud",
+            kind: Integer(1200, 115_200),
+            default: "9600",
+            about: "speed of the serial line",
+        },
+        UPDATE_HZ,
+    ],
     // A meter on a serial line is behind whatever adapter the user has.
     ids: &[],
     wire: Wire::Bytes,
@@ -46,19 +58,41 @@ pub(super) static SIM_OPHIR: Driver = Driver {
     tried: "pylablib 1.4.3 drives it",
     simulated: true,
     place: Place { form: "", example: "sim-ophir", optional: true },
-    options: &[POWER],
+    options: &[
+        POWER,
+        OptionSpec {
+            default: "15",
+            about: "new values of the simulated meter in a second",
+            ..UPDATE_HZ
+        },
+    ],
     ids: &[],
     wire: Wire::Bytes,
     connect: |address, _| {
         let light = Steady(address.number(POWER.name).unwrap_or(0.0));
-        Ok(Line::bytes(InMemory::new(sim_ophir::Ophir::new(Default::default(), light))))
+        let mut settings = sim_ophir::OphirSettings::default();
+        settings.update = period(address).unwrap_or(settings.update);
+        Ok(Line::bytes(InMemory::new(sim_ophir::Ophir::new(settings, light))))
     },
     open: open_ophir,
 };
 
-fn open_ophir(line: Line, _: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
+/// The time from one value to the next, where it is given.
+fn period(address: &Address) -> Option<Duration> {
+    Some(Duration::from_secs_f64(1.0 / address.number(UPDATE_HZ.name)?))
+}
+
+fn open_ophir(
+    line: Line,
+    address: &Address,
+    deadline: &Deadline,
+) -> Result<AnyDevice, DeviceError> {
     let line = line.into_bytes(ophir::DEVICE)?;
-    let (link, settings) = (ophir::LinkSettings::default(), ophir::MeterSettings::default());
+    let link = ophir::LinkSettings::default();
+    let mut settings = ophir::MeterSettings::default();
+    if let Some(period) = period(address) {
+        settings.update = Update::Known(period);
+    }
     let meter = ophir::Meter::open(line, link, settings, deadline)?;
     Ok(AnyDevice::PowerMeter(Box::new(meter)))
 }

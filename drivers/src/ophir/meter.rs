@@ -7,7 +7,8 @@ use super::reply::{
 };
 use crate::clock::Deadline;
 use crate::device::{
-    Device, DeviceError, Identity, Origin, Power, PowerMeter, Setting, Value, not_taken,
+    Device, DeviceError, Identity, Origin, Pace, Power, PowerMeter, Repeats, Setting, Update,
+    Value, not_taken,
 };
 use crate::transport::Bytes;
 use std::time::Duration;
@@ -19,6 +20,8 @@ pub struct MeterSettings {
     pub settle: Duration,
     /// Whether the unit is asked for after each reading, so that a key pressed on the meter (dBm) cannot go unseen.
     pub guard_unit: bool,
+    /// Time from one value of the meter to the next: asked sooner, it tells the last one again.
+    pub update: Update,
     /// How often a meter that is zeroing is asked how it stands.
     pub zero_poll: Duration,
     /// How long stopping a zeroing may take: a call ends at most this long after its deadline.
@@ -30,6 +33,8 @@ impl Default for MeterSettings {
         Self {
             settle: Duration::from_millis(300),
             guard_unit: true,
+            // 15 a second.
+            update: Update::Measured(Duration::from_nanos(66_666_667)),
             zero_poll: Duration::from_millis(500),
             abort_within: Duration::from_secs(2),
         }
@@ -65,6 +70,7 @@ pub struct Meter<T> {
     version: String,
     head: Head,
     ranges: Ranges,
+    pace: Pace<Reading>,
 }
 
 impl<T: Bytes> Meter<T> {
@@ -104,7 +110,8 @@ impl<T: Bytes> Meter<T> {
                 .map_err(|expired| DeviceError::expired(DEVICE, "leaving dBm", expired))?;
             ranges = link.ask_as("$AR", Ranges::parse, deadline)?;
         }
-        let mut meter = Self { link, settings, instrument, version, head, ranges };
+        let pace = Pace::new(settings.update);
+        let mut meter = Self { link, settings, instrument, version, head, ranges, pace };
         meter.require_watts(deadline)?;
         Ok(meter)
     }
@@ -112,6 +119,11 @@ impl<T: Bytes> Meter<T> {
     /// The head.
     pub fn head(&self) -> &Head {
         &self.head
+    }
+
+    /// Account of the readings so far: copies that were thrown away, and the time from one value to the next.
+    pub fn repeats(&self) -> Repeats {
+        self.pace.repeats()
     }
 
     /// The line to the meter.
@@ -179,6 +191,7 @@ impl<T: Bytes> Meter<T> {
         let place = choice.names.iter().position(|known| known == name);
         let place = place.ok_or_else(|| unknown("averaging", name, &choice.names))?;
         self.link.ask(&format!("$AQ{}", place + 1), deadline)?;
+        self.pace.forget();
         self.settle(deadline)?;
         let got = self.link.ask_as("$AQ", Choice::parse, deadline)?;
         if got.index == place {
@@ -307,7 +320,13 @@ impl<T: Bytes> Device for Meter<T> {
             ("averaging", name_or_none(&averaging)),
             ("mains", name_or_none(&mains)),
         ];
-        Ok(values.map(|(name, value)| Setting { name, value, origin: Origin::ReadBack }).into())
+        let mut all: Vec<Setting> =
+            values.map(|(name, value)| Setting { name, value, origin: Origin::ReadBack }).into();
+        let repeats = self.repeats();
+        let origin = if repeats.is_measured { Origin::ReadBack } else { Origin::Configured };
+        let update_ms = (repeats.period.as_secs_f64() * 1e4).round() / 10.0;
+        all.push(Setting { name: "update_ms", value: Value::Number(update_ms), origin });
+        Ok(all)
     }
 
     fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
@@ -333,8 +352,10 @@ impl<T: Bytes> Device for Meter<T> {
 }
 
 impl<T: Bytes> PowerMeter for Meter<T> {
+    /// Takes a reading that the meter measured after this call began.
     fn power(&mut self, deadline: &Deadline) -> Result<Power, DeviceError> {
-        let reading = self.link.ask_as("$SP", Reading::parse, deadline)?;
+        let Self { pace, link, .. } = self;
+        let reading = pace.read(DEVICE, deadline, |d| link.ask_as("$SP", Reading::parse, d))?;
         if self.settings.guard_unit {
             self.require_watts(deadline)?;
         }

@@ -6,6 +6,8 @@
 use super::line::Speaker;
 use super::power::{PowerSource, mean_w};
 use super::script::Script;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_xoshiro::SplitMix64;
 use std::fmt;
 use std::time::Duration;
 
@@ -54,11 +56,15 @@ pub struct OphirSettings {
     pub latency: Duration,
     /// How long zeroing takes.
     pub zeroing: Duration,
+    /// Time from one measurement to the next, between which it tells the last one; zero for a meter that measures when it is asked.
+    pub update: Duration,
+    /// The largest part of that time by which one may be longer or shorter.
+    pub update_jitter: f64,
 }
 
 impl Default for OphirSettings {
-    /// A Vega with a PD300 without its filter, in the dark at zero, 350–1100 nm, seven ranges from 30 mW, answers after
-    /// 20 ms.
+    /// A Vega with a PD300 without its filter, in the dark at zero, 350–1100 nm, seven ranges from 30 mW. It answers after
+    /// 20 ms and measures 15 times a second, to within 5 % of that time.
     fn default() -> Self {
         Self {
             instrument: "VEGA 222222 VEGA".into(),
@@ -83,6 +89,8 @@ impl Default for OphirSettings {
             dark_w: 0.0,
             latency: Duration::from_millis(20),
             zeroing: Duration::from_secs(5),
+            update: Duration::from_nanos(66_666_667),
+            update_jitter: 0.05,
         }
     }
 }
@@ -116,6 +124,21 @@ pub struct Ophir {
     zero_w: f64,
     zeroing: Option<Duration>,
     zeroed: bool,
+    measured: Measured,
+    told: Measured,
+    /// End of the next measurement.
+    next: Duration,
+}
+
+/// A measurement of the simulated meter: the truth for tests.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Measured {
+    /// Number of the measurement, from 1.
+    pub number: u64,
+    /// When it ended, on the clock of the calls.
+    pub at: Duration,
+    /// The light on the head, W: the mean over the averaging time before `at`.
+    pub light_w: f64,
 }
 
 impl fmt::Debug for Ophir {
@@ -142,6 +165,9 @@ impl Ophir {
             zero_w: 0.0,
             zeroing: None,
             zeroed: false,
+            measured: Measured::default(),
+            told: Measured::default(),
+            next: Duration::ZERO,
         }
     }
 
@@ -162,10 +188,44 @@ impl Ophir {
         }
     }
 
+    /// The measurement that the last `$SP` told.
+    pub fn told(&self) -> Measured {
+        self.told
+    }
+
+    /// Measures every `period` from now on, as after a change of its mode.
+    pub fn set_update(&mut self, period: Duration) {
+        self.settings.update = period;
+    }
+
+    /// Goes on to the last measurement that has ended.
+    fn measure(&mut self, now: Duration) -> Measured {
+        /// More of them in a row that nobody has seen are not gone through.
+        const MOST: u32 = 10_000;
+        let period = self.settings.update;
+        let (mut number, mut at) = (self.measured.number, self.measured.at);
+        if period.is_zero() {
+            (number, at) = (number + 1, now);
+        } else if now > self.next + period * MOST {
+            self.next = now;
+        }
+        while !period.is_zero() && self.next <= now {
+            (number, at) = (number + 1, self.next);
+            let mut random = SplitMix64::seed_from_u64(number);
+            let part = self.settings.update_jitter * random.random_range(-1.0..=1.0);
+            self.next += period.mul_f64(1.0 + part);
+        }
+        if number != self.measured.number {
+            let window = Duration::from_secs_f64(AVERAGING[self.averaging].1);
+            let light_w = mean_w(self.source.as_mut(), at, window);
+            self.measured = Measured { number, at, light_w };
+        }
+        self.measured
+    }
+
     /// Returns the power that the head gives, as the meter believes it, W; the mean over its averaging time.
     pub fn shown_w(&mut self, now: Duration) -> f64 {
-        let window = Duration::from_secs_f64(AVERAGING[self.averaging].1);
-        let light_w = mean_w(self.source.as_mut(), now, window);
+        let light_w = self.measure(now).light_w;
         let diode_w = light_w * if self.settings.filter_is_on { FILTER } else { 1.0 };
         let shown_w = diode_w + self.settings.dark_w - self.zero_w;
         if self.believes_filter { shown_w / FILTER } else { shown_w }
@@ -173,6 +233,7 @@ impl Ophir {
 
     fn power(&mut self, now: Duration) -> String {
         let shown_w = self.shown_w(now);
+        self.told = self.measured;
         if self.range == -2 {
             return format!("{:.3}", 10.0 * (shown_w / 1e-3).log10());
         }

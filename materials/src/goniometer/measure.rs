@@ -8,6 +8,7 @@ use crate::axis::{self, Approach, AxisError};
 use crate::log::{self, Record, RecordError};
 use crate::reading::{Keep, ReadError, Reader, State};
 use crate::retro::measure::{Hands, HandsError};
+use crate::settling::Settling;
 use std::collections::HashSet;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
@@ -127,7 +128,16 @@ fn all(
     let reference = tasks.iter().find(|task| task.part == Part::Reference);
     let begun = done.iter().any(|(part, _)| *part == Part::Direction);
     let goes_on = left.first().is_some_and(|task| task.part == Part::Direction);
-    let mut run = Run { rig, bench, zero_s, record, asked: [None; 4], at: [None; 4], place: None };
+    let mut run = Run {
+        rig,
+        bench,
+        zero_s,
+        record,
+        asked: [None; 4],
+        at: [None; 4],
+        place: None,
+        settling: Settling::default(),
+    };
     if let Some(reference) = reference.filter(|_| begun && goes_on) {
         let of = |(part, number): &(Part, u32)| {
             (*part == Part::Reference && *number >= RESUMED).then_some(*number)
@@ -149,6 +159,7 @@ struct Run<'a, 'b> {
     asked: Angles,
     at: Angles,
     place: Option<InBeam>,
+    settling: Settling,
 }
 
 impl Run<'_, '_> {
@@ -158,6 +169,7 @@ impl Run<'_, '_> {
         self.turn(task)?;
         if self.place != Some(place) {
             self.rig.hands.put(place)?;
+            self.settling.other_light();
             self.place = Some(place);
         }
         self.read(task)
@@ -204,6 +216,7 @@ impl Run<'_, '_> {
             timeout_s: plan.timeout_s.get(),
             readings: self.bench.scan.readings,
             interval_s: self.bench.scan.interval_s.get(),
+            settling: &mut self.settling,
         };
         let clock = reader.clock.clone();
         let mut at =

@@ -7,6 +7,7 @@ use super::plan::Measuring;
 use crate::axis::{self, Approach, AxisError};
 use crate::log;
 use crate::reading::{Keep, ReadError, Reader, Seen, kept};
+use crate::settling::Settling;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, InBeam, PowerMeter, RotationStage};
@@ -162,7 +163,8 @@ fn all_phases(
         false => (vec![], left(Phase::Sample)),
     };
     let nothing_left = signature.is_empty() && sample.is_empty();
-    let mut run = Run { rig, plan, zero_s, record, at_deg: None };
+    let settling = Settling::default();
+    let mut run = Run { rig, plan, zero_s, record, at_deg: None, settling };
     // Readings that were broken off do not mix with those that follow.
     if let Some(last) = before.last().filter(|l| l.state.is_reading()) {
         let (asked, angle) = (last.asked_deg, last.angle_deg);
@@ -173,11 +175,11 @@ fn all_phases(
         count += 1;
     }
     if !signature.is_empty() {
-        run.rig.hands.put(InBeam::Nothing)?;
+        run.put(InBeam::Nothing)?;
         run.scan(Phase::Signature, &signature)?;
     }
     if !sample.is_empty() {
-        run.rig.hands.put(InBeam::Sample)?;
+        run.put(InBeam::Sample)?;
         run.scan(Phase::Sample, &sample)?;
     }
     if !(nothing_left && after && count > 1) {
@@ -192,6 +194,7 @@ struct Run<'a, 'b> {
     zero_s: f64,
     record: &'a mut dyn Record<Line>,
     at_deg: Option<f64>,
+    settling: Settling,
 }
 
 impl Run<'_, '_> {
@@ -199,16 +202,21 @@ impl Run<'_, '_> {
         self.rig.clock.clock.now().as_secs_f64() - self.zero_s
     }
 
+    fn put(&mut self, place: InBeam) -> Result<(), RunError> {
+        self.settling.other_light();
+        Ok(self.rig.hands.put(place)?)
+    }
+
     fn incident(&mut self, number: u32) -> Result<(), RunError> {
         let phase = Phase::Incident(number);
         match self.plan.standard_deg {
             None => {
-                self.rig.hands.put(InBeam::Head)?;
+                self.put(InBeam::Head)?;
                 let at = self.at_deg.unwrap_or(0.0);
                 self.readings(phase, at, at)
             }
             Some(angle) => {
-                self.rig.hands.put(InBeam::Standard)?;
+                self.put(InBeam::Standard)?;
                 self.scan(phase, &[angle])
             }
         }
@@ -252,6 +260,7 @@ impl Run<'_, '_> {
             timeout_s: self.plan.meter.timeout_s.get(),
             readings: self.plan.scan.readings,
             interval_s: self.plan.scan.interval_s.get(),
+            settling: &mut self.settling,
         };
         let clock = reader.clock.clone();
         let mut at = At {

@@ -9,7 +9,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Pictures beside one another, two in a row.
+/// Pictures beside one another: two in a row, or as many more as let them fit a page (A4).
 #[derive(Debug, Clone)]
 pub struct Gallery {
     /// Title of the pictures.
@@ -89,8 +89,22 @@ impl Gallery {
         super::png(self)
     }
 
+    /// Pictures in a row: the fewest, two or more, with which the figure is no higher than a page of its width.
     fn columns(&self) -> usize {
-        self.tiles.len().clamp(1, 2)
+        let n = self.tiles.len();
+        let fits = |columns: &usize| {
+            let (width, height) = self.size_of(*columns);
+            f64::from(height) <= f64::from(width) * std::f64::consts::SQRT_2
+        };
+        (2..n).find(fits).unwrap_or(n).max(1)
+    }
+
+    /// Width and height with so many pictures in a row, pixels.
+    fn size_of(&self, columns: usize) -> (u32, u32) {
+        let rows = self.tiles.len().div_ceil(columns.max(1)).max(1) as u32;
+        let width = MARGIN + columns as u32 * (PICTURE + STRIP + MARGIN);
+        // A single picture has a title as well.
+        (width.max(760), self.head() + rows * (TILE_TITLE + PICTURE + MARGIN))
     }
 
     fn head(&self) -> u32 {
@@ -112,12 +126,8 @@ fn failed<DB: DrawingBackend>(error: DrawingAreaErrorKind<DB::ErrorType>) -> Plo
 
 impl Drawn for Gallery {
     fn size(&self, scale: u32) -> (u32, u32) {
-        let columns = self.columns() as u32;
-        let rows = (self.tiles.len() as u32).div_ceil(columns).max(1);
-        let width = MARGIN + columns * (PICTURE + STRIP + MARGIN);
-        // A single picture has a title as well.
-        let width = width.max(760);
-        (width * scale, (self.head() + rows * (TILE_TITLE + PICTURE + MARGIN)) * scale)
+        let (width, height) = self.size_of(self.columns());
+        (width * scale, height * scale)
     }
 
     fn draw<DB: DrawingBackend>(
@@ -332,6 +342,32 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
 mod tests {
     use super::*;
     use image::Rgba;
+
+    fn tile() -> Tile {
+        Tile {
+            title: "Tile".into(),
+            image: RgbaImage::new(4, 4),
+            is_dark: false,
+            key: Key::Words(vec![]),
+            arrows: vec![],
+            scale_bar: None,
+        }
+    }
+
+    /// Truth: the sides of A4, 210 by 297 mm: no figure is higher for its width. Up to six pictures stand two in a row.
+    #[test]
+    fn figures_of_many_pictures_fit_a_page() {
+        for n in 1..=60 {
+            let tiles = vec![tile(); n];
+            let subtitle = vec!["line".into(); 3];
+            let gallery = Gallery { title: "Title".into(), subtitle, tiles };
+            let (width, height) = gallery.size(1);
+            let columns = if n <= 6 { n.min(2) } else { gallery.columns() };
+            assert_eq!(gallery.columns(), columns, "{n}");
+            assert!(f64::from(height) / f64::from(width) <= 297.0 / 210.0, "{n}: {width} {height}");
+            assert!(n > 15 || columns <= 3, "{n}: {columns}");
+        }
+    }
 
     /// Truth: by hand: a red left half of the picture is red in the middle of the left half of what is drawn, in a bitmap of twice the size.
     #[test]
