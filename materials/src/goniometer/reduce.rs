@@ -139,6 +139,12 @@ pub struct Instrument {
     pub signature: Option<Signature>,
     /// Stray light.
     pub floor: Option<Floor>,
+    /// Standard uncertainty of a value that does not grow with it, sr⁻¹, the median of all directions: the meter's noise in the dark, and the stray light that was taken off.
+    pub additive_per_sr: f64,
+    /// The part of that which all values share: the dark reading's own uncertainty and that of the stray light, sr⁻¹.
+    pub common_additive_per_sr: f64,
+    /// Stray light that may be in all values, sr⁻¹ times cosθ_o: the least that was seen. None where it was measured.
+    pub stray_bound_per_sr: Option<f64>,
     /// Zeros of the axes.
     pub zeros: Zeros,
     /// Looks at the reference direction.
@@ -233,6 +239,8 @@ fn between(points: &[(f64, f64)], at: f64) -> f64 {
 struct Dark {
     points: Vec<(f64, f64)>,
     sigma_w: f64,
+    /// Scatter of a measurement in the dark, W.
+    noise_w: f64,
 }
 
 impl Dark {
@@ -244,7 +252,8 @@ impl Dark {
         let noise = all.iter().map(|r| r.mean.sigma_w.powi(2)).sum::<f64>().sqrt() / n;
         // What changed between two of them may have changed unevenly.
         let change = points.windows(2).map(|w| (w[1].1 - w[0].1).abs()).fold(0.0, f64::max);
-        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()) }
+        let noise_w = median(all.iter().map(|r| r.mean.sigma_w)).unwrap_or(0.0);
+        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()), noise_w }
     }
 
     fn at(&self, time_s: f64) -> f64 {
@@ -355,6 +364,7 @@ pub fn reduce(
     let least_part = bench.sample.least_part.get();
     let (mut rows, mut over, mut refused) = (Vec::new(), 0, 0);
     let mut smallest_part = 1.0_f64;
+    let (mut additive, mut common_additive) = (Vec::new(), Vec::new());
     for read in directions {
         if read.mean.over > 0 || !read.mean.power_w.is_finite() {
             over += 1;
@@ -376,6 +386,9 @@ pub fn reduce(
         let value = (point.power_w - stray * incident * solid_angle_sr) * per_watt;
         let noise = point.sigma_w * per_watt;
         let from_floor = stray_sigma / (o.z * part);
+        let shared = (dark.sigma_w * per_watt).hypot(from_floor);
+        common_additive.push(shared);
+        additive.push((dark.noise_w * per_watt).hypot(shared));
         rows.push(Row {
             pose,
             value,
@@ -395,9 +408,11 @@ pub fn reduce(
             100.0 * least_part
         ));
     }
+    let mut stray_bound_per_sr = None;
     if floor.points.is_empty() {
         // Stray light is not more than the least that was seen.
         let least = rows.iter().map(|r| r.value * r.cos).fold(f64::INFINITY, f64::min).max(0.0);
+        stray_bound_per_sr = Some(least);
         for row in &mut rows {
             row.sigma = row.sigma.hypot(least / row.cos);
         }
@@ -444,6 +459,9 @@ pub fn reduce(
         dark_w: Measured::new(mean(&|r| r.mean.power_w), dark.sigma_w),
         signature: found,
         floor: floor.summary(),
+        additive_per_sr: median(additive).unwrap_or(0.0),
+        common_additive_per_sr: median(common_additive).unwrap_or(0.0),
+        stray_bound_per_sr,
         zeros,
         drift: lamp.looks,
         mirrored,
