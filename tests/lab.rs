@@ -267,13 +267,16 @@ fn from_a_plan_to_a_material_in_three_commands() {
     folder.done(&[&page[..], &["-o", "bad.html"]].concat());
     assert!(std::fs::read_to_string(folder.path("bad.html")).unwrap().contains("the signature"));
     let assemble = ["brdf", "assemble", "bad-values/samples.fits", "lab/ndf.ecsv"];
-    let small = ["--side", "17", "--theta-i", "6", "--normals", "32", "--json", "-o", "bad.bsdf"];
+    let small =
+        ["--side", "17", "--theta-i", "6", "--normals", "32", "--json", "-o", "made-badly.bsdf"];
     let assembled = folder.json(&[&assemble[..], &small].concat());
     assert!(assembled["warnings"].to_string().contains("the signature"), "{assembled}");
     assert!(assembled["instrument"]["missing"].to_string().contains("the signature"));
-    let page = ["brdf", "page", "bad.bsdf", "--wavelength-nm", "633", "--force", "-q"];
-    folder.done(&[&page[..], &["-o", "bad.html"]].concat());
-    assert!(std::fs::read_to_string(folder.path("bad.html")).unwrap().contains("the signature"));
+    let page = ["brdf", "page", "made-badly.bsdf", "--wavelength-nm", "633", "-q"];
+    folder.done(&[&page[..], &["-o", "made-badly.html"]].concat());
+    assert!(
+        std::fs::read_to_string(folder.path("made-badly.html")).unwrap().contains("the signature")
+    );
     let zero = &made["instrument"]["zeros"]["sample_deg"];
     let (value, sigma) = (zero[0].as_f64().unwrap(), zero[1].as_f64().unwrap());
     assert!((value - 0.3).abs() < 4.0 * sigma.max(0.005), "{zero}");

@@ -237,6 +237,9 @@ fn campaign_instrument() {
         let mut narrow = options.clone();
         narrow.sample.alpha = logarithmic(6, 0.004, 0.03);
         narrow.aperture.diameter_mm = 3.0;
+        // Zeros off by more than this stop's half-angle (0.17°) would leave the detector beside the beam, which is refused.
+        narrow.zero.detector_deg *= 0.5;
+        narrow.zero.azimuth_deg *= 0.5;
         let text = format!(
             "{THREE_AXES}[zero]\nstep_deg = 0.05\n[aperture]\ndiameter_mm = 3\n[sample]\nwidth_mm = 20\nheight_mm = 20\n"
         );
@@ -444,6 +447,23 @@ fn an_overfilled_sample_is_corrected_or_refused() {
     // A diffuse sample has no lobe that would tell the zeros.
     assert!(!found.instrument.zeros.measured);
     assert!(found.warnings.iter().any(|w| w.contains("the sample has no lobe there")));
+}
+
+/// Truth: the virtual axes, which are off by 1° where stop and beam are a third of that wide: no power is made up, and what to do is said.
+#[test]
+fn a_detector_beside_the_beam_is_refused() {
+    let mut options = Options { seed: 4, ..Options::default() };
+    options.aperture.diameter_mm = 3.0;
+    options.zero.azimuth_deg = 1.0;
+    let bench = bench(&format!("{THREE_AXES}[aperture]\ndiameter_mm = 3\n"));
+    let (kinematics, planned) = (Kinematics::new(&bench), directions(&[20.0]));
+    let list = tasks(&bench, &kinematics, &planned[..6]);
+    let lines = go_on(&bench, &options, &list, &[]).unwrap();
+    let refused =
+        reduce(&lines, &bench, &kinematics, &list.tasks, &list.missing, &list.unreachable);
+    let said = refused.unwrap_err().to_string();
+    assert!(said.contains("zero_deg") || said.contains("stand in the beam"), "{said}");
+    assert!(!said.contains("NaN"), "{said}");
 }
 
 /// The plane of incidence at four incidences, closer about the mirrored direction.

@@ -30,6 +30,8 @@ use sunglint_numerics::order::median;
 pub const WITHOUT_SIGNATURE: f64 = 0.05;
 /// A change between the beam's readings at both ends, beyond what the reference direction says, that is worth a warning.
 const MUCH: f64 = 0.02;
+/// Less of the beam in the detector than this says nothing of its power.
+const LEAST_CAPTURED: f64 = 0.02;
 /// A lobe whose width is not known to this part of it is not told from the instrument, nor one that is narrower than this part of the instrument's.
 const BELOW: f64 = 0.04;
 const LEAST: f64 = 0.8;
@@ -48,6 +50,15 @@ pub enum GoniometerError {
     NoLight {
         /// Net power, W.
         power_w: f64,
+    },
+    /// The detector stood beside the beam.
+    #[error(
+        "the detector took in {:.1} % of the beam where it should have stood in it: the axes' zeros are off by more than the stop and the beam are wide, so that the incident power is not known. Correct zero_deg of the axes in the bench's file, and run again",
+        100.0 * captured
+    )]
+    Beside {
+        /// The part of the beam that it took in.
+        captured: f64,
     },
     /// The beam is more than the meter shows.
     #[error(
@@ -320,9 +331,15 @@ pub fn reduce(
     let captured = found.map_or(1.0, |s| s.captured);
     // The incident power at both ends.
     let filter = bench.beam.filter_transmission.get();
-    let beams: Vec<(f64, f64, f64)> = of(Part::Beam)
-        .iter()
-        .filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
+    let of_beam = || {
+        of(Part::Beam).iter().filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
+    };
+    // Zeros that are off by more than the stop's half-angle and the beam's width leave the detector beside the beam.
+    let dim = of_beam().map(net).find(|p| p.power_w <= 5.0 * p.sigma_w);
+    if let Some(Point { power_w, .. }) = dim {
+        return Err(GoniometerError::NoLight { power_w });
+    }
+    let beams: Vec<(f64, f64, f64)> = of_beam()
         .map(|read| {
             let point = net(read);
             let factor = 1.0 / (captured * filter);
@@ -335,8 +352,8 @@ pub fn reduce(
     if beams.is_empty() {
         return Err(GoniometerError::Missing("the beam"));
     }
-    if let Some((_, power_w, _)) = beams.iter().find(|b| b.1.is_nan() || b.1 <= 5.0 * b.2) {
-        return Err(GoniometerError::NoLight { power_w: *power_w });
+    if captured.is_nan() || captured < LEAST_CAPTURED {
+        return Err(GoniometerError::Beside { captured: captured.max(0.0) });
     }
     let lamp = Lamp::new(of(Part::Reference), &beams, &dark, &mut missing);
     if lamp.disagree > MUCH {
