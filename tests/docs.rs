@@ -546,7 +546,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("goniometer.toml"), "[sample]\nalpha = 0.02\n").unwrap();
     let run = ["brdf", "run", "everywhere.ecsv", "--bench", "bench.toml", "-o", "bench/", "--json"];
     keys(&folder.json(&run), &mut printed);
-    keys(&folder.json(&["brdf", "ingest", "bench/", "--json"]), &mut printed);
+    let ingest = ["brdf", "ingest", "bench/", "--json", "-o", "benched.ecsv"];
+    keys(&folder.json(&ingest), &mut printed);
+    let small = ["--side", "8", "--theta-i", "4", "--normals", "32", "--json"];
+    let assemble = ["brdf", "assemble", "benched.ecsv", "ndf.ecsv", "-o", "benched.bsdf"];
+    keys(&folder.json(&[&assemble[..], &small].concat()), &mut printed);
     keys(&folder.json(&["efficiency", "efficiency.toml", "--json"]), &mut printed);
     let block = |key: &str| page_toml("lab-efficiency.md", key);
     for (file, text) in [
@@ -826,6 +830,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "first_deg",
         "asked_deg_s",
         // Values of keys.
+        "not_measured",
+        "diffuse_may_be_stray",
+        "stray_per_sr",
+        "quantity",
         "equatorial",
         "horizontal",
         "calibrated",

@@ -285,6 +285,31 @@ fn from_a_plan_to_a_material_in_three_commands() {
     assert!(ran["missing"].to_string().contains("signature"), "{}", ran["missing"]);
     let made = folder.json(&["brdf", "ingest", "bad/", "--json"]);
     assert!(made["warnings"].to_string().contains("signature"), "{}", made["warnings"]);
+    // Law and material take the instrument from the values, and name what it lacks.
+    folder.done(&["brdf", "ingest", "bad/", "-q", "-o", "bad-values/"]);
+    let fit = ["brdf", "fit", "bad-values/samples.ecsv", "--most-lobes", "1", "--accept"];
+    let fitted = folder.json(&[&fit[..], &["--json", "-q", "-o", "bad-fit/"]].concat());
+    assert!(fitted["warnings"].to_string().contains("the signature"), "{}", fitted["warnings"]);
+    let cone = made["instrument"]["cone_half_angle_deg"].as_f64().unwrap();
+    assert!((fitted["cone"]["detector_deg"].as_f64().unwrap() / cone - 1.0).abs() < 1e-3);
+    assert!(fitted["instrument"]["scale_sigma"].as_f64().unwrap() > 0.049);
+    assert!(fitted["doubt"]["wings_ln"].as_f64().unwrap() > 1.96 * 0.049);
+    let given = folder.json(&[&fit[..], &["--cone-deg", "0.3", "--json", "-q"]].concat());
+    assert_eq!(given["cone"]["detector_deg"], 0.3);
+    let page = ["brdf", "page", "bad-fit/material.toml", "--wavelength-nm", "633", "-q"];
+    folder.done(&[&page[..], &["-o", "bad.html"]].concat());
+    assert!(std::fs::read_to_string(folder.path("bad.html")).unwrap().contains("the signature"));
+    let assemble = ["brdf", "assemble", "bad-values/samples.fits", "lab/ndf.ecsv"];
+    let small =
+        ["--side", "17", "--theta-i", "6", "--normals", "32", "--json", "-o", "made-badly.bsdf"];
+    let assembled = folder.json(&[&assemble[..], &small].concat());
+    assert!(assembled["warnings"].to_string().contains("the signature"), "{assembled}");
+    assert!(assembled["instrument"]["missing"].to_string().contains("the signature"));
+    let page = ["brdf", "page", "made-badly.bsdf", "--wavelength-nm", "633", "-q"];
+    folder.done(&[&page[..], &["-o", "made-badly.html"]].concat());
+    assert!(
+        std::fs::read_to_string(folder.path("made-badly.html")).unwrap().contains("the signature")
+    );
     let zero = &made["instrument"]["zeros"]["sample_deg"];
     let (value, sigma) = (zero[0].as_f64().unwrap(), zero[1].as_f64().unwrap());
     assert!((value - 0.3).abs() < 4.0 * sigma.max(0.005), "{zero}");

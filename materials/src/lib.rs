@@ -11,6 +11,7 @@
 //! - [`read`]: tables of the lab, read from files;
 //! - [`exchange`]: values as FRED, Zemax and other laboratories write them;
 //! - [`samples`]: those values;
+//! - [`instrument`]: what they say of the instrument;
 //! - [`assemble`]: values and densities as a measured material;
 //! - [`look`]: what a material does, and how two differ;
 //! - [`fit`]: laws with few parameters through measured values.
@@ -21,6 +22,7 @@ pub mod exchange;
 pub mod fit;
 pub mod goniometer;
 pub mod ingest;
+pub mod instrument;
 pub mod log;
 pub mod look;
 pub mod ndf;

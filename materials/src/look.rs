@@ -4,6 +4,7 @@ use crate::exchange::Exchange;
 use crate::read::ReadError;
 use crate::samples::{Sample, direction};
 use std::path::Path;
+use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_simulator::surface::brdf_table::{self, Row};
@@ -75,7 +76,10 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
     let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
     // Zemax's tables have the same ending and are text.
     if is("bsdf") && matches!(crate::read::exchange_format(path), None | Some(Exchange::Rgl)) {
-        return Ok(measured::read(file, path)?);
+        let tensors = TensorFile::read(path)?;
+        let made = measured::material(file, path, &tensors)?;
+        let lacks = crate::assemble::not_measured(&tensors).into_iter();
+        return Ok(lacks.fold(made, Material::with_note));
     }
     if is("toml") {
         let document = Document::read(path)?;

@@ -271,7 +271,7 @@ fn rehearsed_run(
 
 /// A composite of lobes through measured values; with laws, one lobe of the best of them.
 #[pyfunction]
-#[pyo3(signature = (table, wavelength_nm=None, floor_per_sr=None, laws=Vec::new(), cone_deg=0.24, source_deg=0.0, theta_most_deg=85.0, most_lobes=3, name="fitted".into(), accept=false, progress=None))]
+#[pyo3(signature = (table, wavelength_nm=None, floor_per_sr=None, laws=Vec::new(), cone_deg=None, source_deg=None, theta_most_deg=85.0, most_lobes=3, name="fitted".into(), accept=false, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
 fn fit_material(
     py: Python<'_>,
@@ -279,8 +279,8 @@ fn fit_material(
     wavelength_nm: Option<f64>,
     floor_per_sr: Option<f64>,
     laws: Vec<String>,
-    cone_deg: f64,
-    source_deg: f64,
+    cone_deg: Option<f64>,
+    source_deg: Option<f64>,
     theta_most_deg: f64,
     most_lobes: usize,
     name: String,
@@ -311,13 +311,20 @@ fn fit_material(
             let product = self::laws::product(&found, best, &measured, None, &inputs);
             let toml = to_toml(&found, best, &name, None);
             let text = self::laws::text(&found, &toml);
-            let warnings = found.notes.iter().map(ToString::to_string).collect();
-            return Ok(Outcome::new(product, text, warnings)
+            let notes = found.notes.iter().map(ToString::to_string);
+            let flaws = found.flaws.iter().map(ToString::to_string);
+            return Ok(Outcome::new(product, text, notes.chain(flaws).collect())
                 .with_files(vec![("material.toml".into(), toml)]));
         }
+        let mut options = SurfaceOptions::of(&measured);
+        let Cone { detector_deg, source_deg: source } = options.cone;
+        options.cone = Cone {
+            detector_deg: cone_deg.unwrap_or(detector_deg),
+            source_deg: source_deg.unwrap_or(source),
+        };
         for (name, deg, most) in [
-            ("cone_deg", cone_deg, 10.0),
-            ("source_deg", source_deg, 10.0),
+            ("cone_deg", options.cone.detector_deg, 10.0),
+            ("source_deg", options.cone.source_deg, 10.0),
             ("theta_most_deg", theta_most_deg, 90.0),
         ] {
             crate::sky::within(name, deg, 0.0, most)?;
@@ -325,10 +332,8 @@ fn fit_material(
         if !(1..=3).contains(&most_lobes) {
             return Err(format!("most_lobes is {most_lobes}, expected 1 to 3").into());
         }
-        let mut options = SurfaceOptions::default();
         options.wavelength_nm = wavelength_nm;
         options.floor_per_sr = floor_per_sr;
-        options.cone = Cone { detector_deg: cone_deg, source_deg };
         options.theta_most_deg = theta_most_deg;
         options.most_lobes = most_lobes;
         let found = fit_surface(&measured, &options, watch)?;

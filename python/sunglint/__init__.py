@@ -2514,7 +2514,7 @@ def ndf(table, zero_deg=None, most_offset_deg=5.0, median=None, tail=None, eleva
     )
 
 
-def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg=0.24, source_deg=0.0, theta_most_deg=85.0, most_lobes=3, name="fitted", accept=False, progress=None):
+def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg=None, source_deg=None, theta_most_deg=85.0, most_lobes=3, name="fitted", accept=False, progress=None):
     """A material law through measured BRDF values.
 
     Parameters
@@ -2523,8 +2523,8 @@ def fit_material(table, wavelength_nm=None, floor_per_sr=None, laws=(), cone_deg
         Samples of a BRDF.
     laws : sequence of {'lambert', 'phong', 'abg', 'ward', 'beckmann', 'ggx', 'maxwell-beard'}, optional
         The best of these, with one lobe; without them a composite of up to ``most_lobes`` lobes.
-    cone_deg, source_deg : float or Quantity
-        Half-angles of detector and source.
+    cone_deg, source_deg : float or Quantity, optional
+        Half-angles of detector and source; by default those of the table's instrument, or 0.24 and 0.
     accept : bool
         Give the material although its peak or hemispherical reflectance are off.
     wavelength_nm : float or Quantity, optional

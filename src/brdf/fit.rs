@@ -34,18 +34,18 @@ pub struct FitArgs {
     /// azimuth of incidence]
     #[arg(long, value_name = "LAW")]
     pub law: Vec<LawName>,
-    /// Half-angle of what the detector takes in: the law is seen through it [default: 0.24]
+    /// Half-angle of what the detector takes in: the law is seen through it [default: that of the table's instrument, or 0.24]
     #[arg(long, value_name = "DEG")]
     pub cone_deg: Option<f64>,
-    /// Half-angle of the source as the sample sees it
-    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
-    pub source_deg: f64,
+    /// Half-angle of the source as the sample sees it [default: that of the instrument's signature in the table, or 0]
+    #[arg(long, value_name = "DEG")]
+    pub source_deg: Option<f64>,
     /// Directions of light or detector farther from the normal are left out
     #[arg(long, value_name = "DEG", default_value_t = 85.0)]
     pub theta_most_deg: f64,
-    /// An error of every value that does not grow with it: values around 0 and below then count as what they are
-    #[arg(long, value_name = "PER_SR", default_value_t = 0.0)]
-    pub additive_per_sr: f64,
+    /// An error of every value that does not grow with it: values around 0 and below then count as what they are [default: that of the table's instrument, or 0]
+    #[arg(long, value_name = "PER_SR")]
+    pub additive_per_sr: Option<f64>,
     /// The most lobes that are tried, 1 to 3
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
     pub most_lobes: u8,
@@ -145,8 +145,6 @@ fn colour(args: &FitArgs, found: &SurfaceFit) -> anyhow::Result<Option<Coloured>
     Ok(Some(divided.with_context(|| path.display().to_string())?))
 }
 
-/// The full angle that a detector takes in where nobody says it, degrees.
-const CONE_DEG: f64 = 0.24;
 /// A lobe narrower than this many times that depends on it.
 const NARROW: f64 = 6.0;
 const NOT_WRITTEN: &str = "no material.toml is written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept";
@@ -158,10 +156,15 @@ fn surface(
     inputs: &[Input],
     console: Console,
 ) -> anyhow::Result<()> {
-    let cone_deg = args.cone_deg.unwrap_or(CONE_DEG);
+    let mut options = SurfaceOptions::of(measured);
+    let Cone { detector_deg, source_deg } = options.cone;
+    options.cone = Cone {
+        detector_deg: args.cone_deg.unwrap_or(detector_deg),
+        source_deg: args.source_deg.unwrap_or(source_deg),
+    };
     for (name, deg, most) in [
-        ("--cone-deg", cone_deg, 10.0),
-        ("--source-deg", args.source_deg, 10.0),
+        ("--cone-deg", options.cone.detector_deg, 10.0),
+        ("--source-deg", options.cone.source_deg, 10.0),
         ("--theta-most-deg", args.theta_most_deg, 90.0),
     ] {
         if !(0.0..=most).contains(&deg) {
@@ -169,11 +172,9 @@ fn surface(
             return Err(Usage(expected).into());
         }
     }
-    let mut options = SurfaceOptions::default();
     options.wavelength_nm = args.wavelength_nm;
     options.floor_per_sr = args.floor_per_sr;
-    options.additive_per_sr = args.additive_per_sr;
-    options.cone = Cone { detector_deg: cone_deg, source_deg: args.source_deg };
+    options.additive_per_sr = args.additive_per_sr.unwrap_or(options.additive_per_sr);
     options.theta_most_deg = args.theta_most_deg;
     options.most_lobes = usize::from(args.most_lobes);
     let bar = Bar::new(console);
@@ -182,11 +183,13 @@ fn surface(
     for flaw in &found.flaws {
         console.warn(&flaw.to_string());
     }
+    let is_said = found.instrument.as_ref().is_some_and(|i| i.cone_half_angle_deg.is_some());
     if args.cone_deg.is_none()
-        && let Some(width) = found.narrowest_deg().filter(|w| *w < NARROW * CONE_DEG)
+        && !is_said
+        && let Some(width) = found.narrowest_deg().filter(|w| *w < NARROW * detector_deg)
     {
         console.warn(&format!(
-            "the peak is {width:.2}° wide (half), of the order of what the detector takes in, which is taken as {CONE_DEG}°: say the instrument's with --cone-deg"
+            "the peak is {width:.2}° wide (half), of the order of what the detector takes in, which is taken as {detector_deg}°: say the instrument's with --cone-deg"
         ));
     }
     let mut product = product_of_surface(&found, measured, inputs)?;
@@ -242,10 +245,8 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     if args.spectrum.is_some() {
         geometry(args)?;
     }
-    if !(args.additive_per_sr >= 0.0 && args.additive_per_sr.is_finite()) {
-        let expected =
-            format!("--additive-per-sr is {}, expected 0 or above", args.additive_per_sr);
-        return Err(Usage(expected).into());
+    if let Some(additive) = args.additive_per_sr.filter(|a| !(*a >= 0.0 && a.is_finite())) {
+        return Err(Usage(format!("--additive-per-sr is {additive}, expected 0 or above")).into());
     }
     let (measured, inputs) = read::samples(&args.table, args.wavelength_nm)?;
     let (measured, repeated) = once(measured);

@@ -7,6 +7,8 @@
 //! Where a lobe ends over diffuse light, what f₀ lacks of the lobe ends with it. So ln q is interpolated as a plane in those coordinates and in the lobe's share of f₀, which is known everywhere.
 
 use super::near::{Known, Near, Point, Tree, apart};
+use crate::fit::surface::disc;
+use crate::instrument::TableInstrument;
 use crate::ndf::Ndf;
 use crate::samples::{Samples, turned};
 use glam::DVec3;
@@ -131,6 +133,17 @@ impl<'a> Microfacets<'a> {
         self.density((i + o).normalize()) * self.unmasked(i, o)
     }
 
+    /// The same as an instrument with a disc of this half-angle (radians) sees it: the mean of the lobe times cosθ over the disc, over cosθ_o.
+    fn glint_through(&self, i: DVec3, o: DVec3, radius: f64) -> Glint {
+        let plain = self.glint(i, o);
+        if radius <= 0.0 {
+            return plain;
+        }
+        let disc = disc(o, radius);
+        let seen: f64 = disc.iter().map(|(d, w)| w * d.z * self.lobe(i, *d)).sum();
+        Glint { lobe: seen / o.z, ..plain }
+    }
+
     /// The lobe, and (1 − cosθ_d)⁵.
     fn glint(&self, i: DVec3, o: DVec3) -> Glint {
         let cos = (0.5 * (i + o).length()).min(1.0);
@@ -211,6 +224,10 @@ pub(super) struct Field<'a> {
     left_out: Vec<[f64; HOLES.len()]>,
     /// The mean of that.
     left_out_mean: [f64; HOLES.len()],
+    /// By sample: the possible error of ln f by what was taken back of the instrument's blur.
+    blur: Vec<f64>,
+    /// Half-width of the 95 % interval of ln f by what all values share.
+    shared: f64,
 }
 
 /// Where one looked for neighbours before, and how far they were: those of the next place are no farther than that and the way there.
@@ -253,6 +270,8 @@ impl<'a> Field<'a> {
         mirrored: bool,
     ) -> (Self, usize) {
         let wavelengths = samples.wavelength_nm.len();
+        let instrument = TableInstrument::of(samples).unwrap_or_default();
+        let radius = instrument.blur_rad();
         let isotropic = microfacets.is_isotropic();
         let (mut directions, mut value, mut left_out) = (Vec::new(), Vec::new(), 0);
         for row in &samples.rows {
@@ -266,7 +285,9 @@ impl<'a> Field<'a> {
                 left_out += 1;
             }
         }
-        let lobe: Vec<Glint> = directions.iter().map(|(i, o)| microfacets.glint(*i, *o)).collect();
+        // Values are compared with the law as the instrument saw it; what is written is the law without the instrument, times how they differ.
+        let lobe: Vec<Glint> =
+            directions.iter().map(|(i, o)| microfacets.glint_through(*i, *o, radius)).collect();
         let mut ln_q = vec![0.0; value.len()];
         let mut base = Vec::with_capacity(wavelengths);
         for k in 0..wavelengths {
@@ -279,7 +300,15 @@ impl<'a> Field<'a> {
             }
             base.push(one);
         }
-        let share = lobe.iter().map(|l| share(&base, *l)).collect();
+        let plain: Vec<Glint> = directions.iter().map(|(i, o)| microfacets.glint(*i, *o)).collect();
+        let share = plain.iter().map(|l| share(&base, *l)).collect();
+        // The law may not be the surface's: half of what was taken back; a source that nobody has seen may be as wide as the cone, which blurs as much once more.
+        let part = if instrument.is_source_unknown() { 1.0 } else { 0.5 };
+        let blurred = |(plain, seen): (&Glint, &Glint)| {
+            let ln = |base: &Base| (base.at(*seen) / base.at(*plain)).ln().abs();
+            part * base.iter().map(ln).fold(0.0, f64::max)
+        };
+        let blur = plain.iter().zip(&lobe).map(blurred).collect();
         let points: Vec<Point> =
             directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
         let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
@@ -314,6 +343,8 @@ impl<'a> Field<'a> {
             differs,
             left_out: Vec::new(),
             left_out_mean: [0.0; HOLES.len()],
+            blur,
+            shared: 2.0 * instrument.scale_sigma,
         };
         field.leave_out(&directions);
         (field, left_out)
@@ -573,12 +604,20 @@ impl<'a> Field<'a> {
         stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
     }
 
-    /// Returns the possible error of ln f, the largest over the wavelengths. Between samples: what those around are off by when they are left out, and what the file's grid is good
+    /// Returns the possible error of ln f by what the instrument leaves unknown, which no sample tells: the scale that all values share, and the blur that was taken back of those around.
+    fn of_instrument(&self, stencil: &Stencil) -> f64 {
+        let all: f64 = stencil.parts.iter().map(|(_, w)| w.abs()).sum();
+        let blur: f64 = stencil.parts.iter().map(|(row, w)| w.abs() * self.blur[*row]).sum();
+        self.shared.hypot(if all > 0.0 { blur / all } else { 0.0 })
+    }
+
+    /// Returns the possible error of ln f, the largest over the wavelengths, what the instrument leaves unknown among it. Between samples: what those around are off by when they are left out, and what the file's grid is good
     /// for. Beyond them, in quadrature: the difference of samples that are as far from one another as this direction is from the nearest, the scatter of the nearest ones, what was taken back of the nearest ones'
     /// difference from the law, what the lobe's share may be off by, and the file's grid.
     pub fn doubt(&self, stencil: &Stencil, i: DVec3, o: DVec3) -> f64 {
+        let of_instrument = self.of_instrument(stencil);
         if stencil.measured {
-            return self.between(stencil).hypot(OF_GRID);
+            return self.between(stencil).hypot(OF_GRID).hypot(of_instrument);
         }
         let (lobe, of_lobe) = (self.microfacets.glint(i, o), self.microfacets.doubt(i, o));
         let differs = self.differs(stencil.distance.min(2.0));
@@ -593,7 +632,7 @@ impl<'a> Field<'a> {
                 + (2.0 * base.rms).powi(2)
                 + taken.powi(2)
                 + (share * of_lobe).powi(2);
-            (squares + OF_GRID * OF_GRID).sqrt()
+            (squares + OF_GRID * OF_GRID).sqrt().hypot(of_instrument)
         };
         self.base.iter().enumerate().map(one).fold(0.0, f64::max)
     }

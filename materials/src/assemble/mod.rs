@@ -13,6 +13,7 @@ mod refine;
 pub use base::Base;
 pub use doubt::Doubt;
 
+use super::instrument::TableInstrument;
 use super::ndf::Ndf;
 use super::samples::Samples;
 use base::{Field, Microfacets, Trail};
@@ -113,7 +114,7 @@ pub struct Coverage {
     pub extrapolated_albedo: f64,
     /// The largest over the wavelengths.
     pub largest_albedo: f64,
-    /// Possible error of the albedo by what is extrapolated, as a part of it.
+    /// Possible error of the albedo by what is extrapolated and by the scale that all values share, as a part of it.
     pub albedo_doubt: f64,
     /// Smallest factor that extrapolated cells were multiplied by, for energy's sake: 1 where they were not lowered.
     pub lowered: f64,
@@ -134,6 +135,8 @@ pub struct Assembled {
     pub used: usize,
     /// Samples that were not.
     pub left_out: usize,
+    /// The instrument as the samples say it; none where they say nothing.
+    pub instrument: Option<TableInstrument>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
@@ -201,6 +204,13 @@ pub fn assemble(
         warnings.push(format!("{left_out} of {} directions were left out: at the horizon, or with a value that is not above 0", samples.rows.len()));
     }
     warnings.extend(crate::fit::saturation_note(samples));
+    let said = TableInstrument::of(samples);
+    let instrument = said.clone().unwrap_or_default();
+    warnings.extend(instrument.missing.iter().map(|what| {
+        format!(
+            "the instrument was not measured whole: {what}. The material's doubt is wider for it"
+        )
+    }));
     for slice in &slices {
         let c = &slice.coverage;
         if c.largest_albedo > 1.0 + 1e-3 {
@@ -210,8 +220,11 @@ pub fn assemble(
             ));
         }
     }
-    let file = file(samples, &grids, (&theta_i, &phi_i), &slices, options);
-    let coverage: Vec<Coverage> = slices.iter().map(|s| s.coverage).collect();
+    let file = file(samples, &grids, (&theta_i, &phi_i), (&slices, &instrument), options);
+    // What all values share moves every albedo.
+    let shared = (2.0 * instrument.scale_sigma).exp_m1();
+    let with_shared = |c: Coverage| Coverage { albedo_doubt: c.albedo_doubt.hypot(shared), ..c };
+    let coverage: Vec<Coverage> = slices.iter().map(|s| with_shared(s.coverage)).collect();
     let doubts = doubt::by_direction(&field, &coverage, microfacets.is_isotropic());
     Ok(Assembled {
         file,
@@ -220,8 +233,22 @@ pub fn assemble(
         base: field.base.clone(),
         used: field.len(),
         left_out,
+        instrument: said,
         warnings,
     })
+}
+
+/// Before the name of each quantity of the instrument that was not measured, in a file's description.
+const NOT_MEASURED: &str = "; not measured: ";
+
+/// Quantities of the instrument that were not measured, as the description of an assembled file names them.
+#[must_use]
+pub fn not_measured(file: &TensorFile) -> Vec<String> {
+    let description = file.get("description").map(|tensor| &tensor.data);
+    let Some(TensorData::U8(bytes)) = description else { return Vec::new() };
+    let text = String::from_utf8_lossy(bytes);
+    let said = text.split(NOT_MEASURED).skip(1);
+    said.map(|what| format!("the instrument was not measured whole: {what}")).collect()
 }
 
 fn check(options: &AssembleOptions) -> Result<(), AssembleError> {
@@ -412,7 +439,7 @@ fn file(
     samples: &Samples,
     grids: &Grids,
     (theta_i, phi_i): (&[f64], &[f64]),
-    slices: &[Slice],
+    (slices, instrument): (&[Slice], &TableInstrument),
     options: &AssembleOptions,
 ) -> TensorFile {
     let (np, nt, nl, side) =
@@ -433,10 +460,13 @@ fn file(
         doubt.extend_from_slice(&slice.doubt);
     }
     let name = samples.meta.get("sample").and_then(|v| v.as_str()).unwrap_or("a sample");
-    let text = format!(
+    let mut text = format!(
         "{name}: {} directions, {nl} wavelengths, assembled by sunglint",
         samples.rows.len()
     );
+    for what in &instrument.missing {
+        text += &format!("{NOT_MEASURED}{what}");
+    }
     let (rows, columns) = grids.warp;
     let densities = [grids.ndf.rows, grids.ndf.columns];
     let bytes = |name: &str, shape: Vec<usize>, values: Vec<u8>| Tensor {

@@ -18,6 +18,7 @@ pub use law::{Evaluated, Law, LobeKind, Range, Rise};
 pub use report::{Fit, FitError, LawFit, LeftOut, Note, Parameter};
 pub use table::{residual_table, to_table, to_toml};
 
+use super::instrument::TableInstrument;
 use super::samples::{Sample, Samples, turned};
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -113,9 +114,13 @@ pub fn fit(samples: &Samples, options: &FitOptions) -> Result<Fit, FitError> {
         verify(best, &data, rise.as_ref(), options)?;
     }
     remarks(&fits, used.len(), &mut notes);
-    let flaws = fits.first().map_or_else(Vec::new, |best| {
+    let mut flaws = fits.first().map_or_else(Vec::new, |best| {
         figures(&data, &best.law.with(&best.values(), rise.as_ref()))
     });
+    if let Some(instrument) = TableInstrument::of(samples) {
+        fits.iter_mut().for_each(|fit| widen(fit, &instrument, used.len()));
+        flaws.extend(surface::not_measured(&instrument));
+    }
     let independent = independent(used.len(), fits.first().map_or(0.0, |f| f.correlation));
     Ok(Fit { wavelength_nm, used, left_out, laws: fits, independent, flaws, notes })
 }
@@ -627,6 +632,22 @@ fn rank(fits: &mut [LawFit], n: usize) {
     let all: f64 = fits.iter().map(share).sum();
     for fit in fits.iter_mut() {
         fit.weight = if all > 0.0 { share(fit) / all } else { f64::NAN };
+    }
+}
+
+/// Numbers that all light of a law, or of its diffuse part, is in proportion to.
+const STRENGTHS: [&str; 5] = ["reflectance", "a_per_sr", "bias_per_sr", "volume", "diffuse"];
+
+/// Widens the intervals of strengths for the scale that all values share: no number of values makes its error smaller.
+fn widen(fit: &mut LawFit, instrument: &TableInstrument, values: usize) {
+    let dof = values.saturating_sub(fit.parameters.len()).max(1) as f64;
+    let quantile = student_quantile(dof);
+    for p in fit.parameters.iter_mut().filter(|p| STRENGTHS.contains(&p.name)) {
+        p.sigma_ln = p.sigma_ln.map(|own| own.hypot(instrument.scale_sigma));
+        if let (Some(sigma), Some(_)) = (p.sigma_ln, p.interval) {
+            let half = (quantile * sigma).exp();
+            p.interval = Some((p.value / half, p.value * half));
+        }
     }
 }
 

@@ -30,6 +30,8 @@ use sunglint_numerics::order::median;
 pub const WITHOUT_SIGNATURE: f64 = 0.05;
 /// A change between the beam's readings at both ends, beyond what the reference direction says, that is worth a warning.
 const MUCH: f64 = 0.02;
+/// Less of the beam in the detector than this says nothing of its power.
+const LEAST_CAPTURED: f64 = 0.02;
 /// A lobe whose width is not known to this part of it is not told from the instrument, nor one that is narrower than this part of the instrument's.
 const BELOW: f64 = 0.04;
 const LEAST: f64 = 0.8;
@@ -48,6 +50,15 @@ pub enum GoniometerError {
     NoLight {
         /// Net power, W.
         power_w: f64,
+    },
+    /// The detector stood beside the beam.
+    #[error(
+        "the detector took in {:.1} % of the beam where it should have stood in it: the axes' zeros are off by more than the stop and the beam are wide, so that the incident power is not known. Correct zero_deg of the axes in the bench's file, and run again",
+        100.0 * captured
+    )]
+    Beside {
+        /// The part of the beam that it took in.
+        captured: f64,
     },
     /// The beam is more than the meter shows.
     #[error(
@@ -139,6 +150,12 @@ pub struct Instrument {
     pub signature: Option<Signature>,
     /// Stray light.
     pub floor: Option<Floor>,
+    /// Standard uncertainty of a value that does not grow with it, sr⁻¹, the median of all directions: the meter's noise in the dark, and the stray light that was taken off.
+    pub additive_per_sr: f64,
+    /// The part of that which all values share: the dark reading's own uncertainty and that of the stray light, sr⁻¹.
+    pub common_additive_per_sr: f64,
+    /// Stray light that may be in all values, sr⁻¹ times cosθ_o: the least that was seen. None where it was measured.
+    pub stray_bound_per_sr: Option<f64>,
     /// Zeros of the axes.
     pub zeros: Zeros,
     /// Looks at the reference direction.
@@ -233,6 +250,8 @@ fn between(points: &[(f64, f64)], at: f64) -> f64 {
 struct Dark {
     points: Vec<(f64, f64)>,
     sigma_w: f64,
+    /// Scatter of a measurement in the dark, W.
+    noise_w: f64,
 }
 
 impl Dark {
@@ -244,7 +263,8 @@ impl Dark {
         let noise = all.iter().map(|r| r.mean.sigma_w.powi(2)).sum::<f64>().sqrt() / n;
         // What changed between two of them may have changed unevenly.
         let change = points.windows(2).map(|w| (w[1].1 - w[0].1).abs()).fold(0.0, f64::max);
-        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()) }
+        let noise_w = median(all.iter().map(|r| r.mean.sigma_w)).unwrap_or(0.0);
+        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()), noise_w }
     }
 
     fn at(&self, time_s: f64) -> f64 {
@@ -311,9 +331,15 @@ pub fn reduce(
     let captured = found.map_or(1.0, |s| s.captured);
     // The incident power at both ends.
     let filter = bench.beam.filter_transmission.get();
-    let beams: Vec<(f64, f64, f64)> = of(Part::Beam)
-        .iter()
-        .filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
+    let of_beam = || {
+        of(Part::Beam).iter().filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
+    };
+    // Zeros that are off by more than the stop's half-angle and the beam's width leave the detector beside the beam.
+    let dim = of_beam().map(net).find(|p| p.power_w <= 5.0 * p.sigma_w);
+    if let Some(Point { power_w, .. }) = dim {
+        return Err(GoniometerError::NoLight { power_w });
+    }
+    let beams: Vec<(f64, f64, f64)> = of_beam()
         .map(|read| {
             let point = net(read);
             let factor = 1.0 / (captured * filter);
@@ -326,8 +352,8 @@ pub fn reduce(
     if beams.is_empty() {
         return Err(GoniometerError::Missing("the beam"));
     }
-    if let Some((_, power_w, _)) = beams.iter().find(|b| b.1.is_nan() || b.1 <= 5.0 * b.2) {
-        return Err(GoniometerError::NoLight { power_w: *power_w });
+    if captured.is_nan() || captured < LEAST_CAPTURED {
+        return Err(GoniometerError::Beside { captured: captured.max(0.0) });
     }
     let lamp = Lamp::new(of(Part::Reference), &beams, &dark, &mut missing);
     if lamp.disagree > MUCH {
@@ -355,6 +381,7 @@ pub fn reduce(
     let least_part = bench.sample.least_part.get();
     let (mut rows, mut over, mut refused) = (Vec::new(), 0, 0);
     let mut smallest_part = 1.0_f64;
+    let (mut additive, mut common_additive) = (Vec::new(), Vec::new());
     for read in directions {
         if read.mean.over > 0 || !read.mean.power_w.is_finite() {
             over += 1;
@@ -376,6 +403,9 @@ pub fn reduce(
         let value = (point.power_w - stray * incident * solid_angle_sr) * per_watt;
         let noise = point.sigma_w * per_watt;
         let from_floor = stray_sigma / (o.z * part);
+        let shared = (dark.sigma_w * per_watt).hypot(from_floor);
+        common_additive.push(shared);
+        additive.push((dark.noise_w * per_watt).hypot(shared));
         rows.push(Row {
             pose,
             value,
@@ -395,9 +425,11 @@ pub fn reduce(
             100.0 * least_part
         ));
     }
+    let mut stray_bound_per_sr = None;
     if floor.points.is_empty() {
         // Stray light is not more than the least that was seen.
         let least = rows.iter().map(|r| r.value * r.cos).fold(f64::INFINITY, f64::min).max(0.0);
+        stray_bound_per_sr = Some(least);
         for row in &mut rows {
             row.sigma = row.sigma.hypot(least / row.cos);
         }
@@ -444,6 +476,9 @@ pub fn reduce(
         dark_w: Measured::new(mean(&|r| r.mean.power_w), dark.sigma_w),
         signature: found,
         floor: floor.summary(),
+        additive_per_sr: median(additive).unwrap_or(0.0),
+        common_additive_per_sr: median(common_additive).unwrap_or(0.0),
+        stray_bound_per_sr,
         zeros,
         drift: lamp.looks,
         mirrored,

@@ -8,6 +8,7 @@ use sunglint_formats::text::counted;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_materials::assemble::files::Assembly;
 use sunglint_materials::assemble::{Assembled, Doubt};
+use sunglint_materials::instrument::TableInstrument;
 use sunglint_materials::plan::Planned;
 use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::Input;
@@ -109,6 +110,7 @@ struct AssembledJson<'a> {
     unused: usize,
     coverage: Vec<SliceJson>,
     base: Vec<BaseJson>,
+    instrument: &'a Option<TableInstrument>,
     warnings: &'a [String],
     inputs: &'a [Input],
     plan: Option<CoverageJson>,
@@ -153,6 +155,7 @@ pub fn summary(found: &Assembly) -> Value {
         unused: made.left_out,
         coverage,
         base,
+        instrument: &made.instrument,
         warnings: &made.warnings,
         inputs,
         plan,
@@ -168,6 +171,17 @@ pub fn text(made: &Assembled) -> String {
         "what the NDF and a Lambert term say of them is off by a factor of {:.3} (rms)",
         worst.exp()
     );
+    if let Some(it) = &made.instrument {
+        let _ = writeln!(
+            text,
+            "of the instrument all values share {:.2} % (scale); its cone and source of {:.3}° are taken back; both are in the doubts",
+            100.0 * it.scale_sigma,
+            it.blur_rad().to_degrees()
+        );
+        for what in &it.missing {
+            let _ = writeln!(text, "not measured: {what}");
+        }
+    }
     let _ = writeln!(
         text,
         "incidence   cells  extrapolated: of cells, of the albedo   albedo, off by up to"

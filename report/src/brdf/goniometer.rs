@@ -162,6 +162,9 @@ pub fn text(found: &Reduced) -> String {
         zero(&it.zeros.detector_deg),
         if it.zeros.measured { "" } else { " (not measured)" }
     );
+    let [source, detector] =
+        it.polarisation.each_ref().map(|p| p.as_deref().unwrap_or("not said (taken as none)"));
+    let _ = writeln!(text, "polarised beam {source}, detector {detector}");
     if let Some(last) = it.drift.last() {
         let spread = it.drift.iter().map(|l| (l.relative - 1.0).abs()).fold(0.0, f64::max);
         let _ = writeln!(

@@ -180,6 +180,17 @@ pub fn text(fit: &SurfaceFit, toml: &str) -> String {
         "{} through {} values at {} nm, seen through {}° (detector) and {}° (source)",
         fit.name, fit.values, fit.wavelength_nm, fit.cone.detector_deg, fit.cone.source_deg
     );
+    if let Some(it) = &fit.instrument {
+        let _ = writeln!(
+            text,
+            "of the instrument all values share {:.2} % (scale) and {:.1e} /sr; both are in doubt and intervals",
+            100.0 * it.scale_sigma,
+            it.common_additive_per_sr
+        );
+        for what in &it.missing {
+            let _ = writeln!(text, "not measured: {what}");
+        }
+    }
     if fit.left_out != LeftOut::default() {
         let _ = writeln!(text, "{}", fit.left_out);
     }

@@ -14,6 +14,7 @@
 //! Where errors do not all grow with the value, ln f gives way to arsinh(f/b), which is linear below b: values around 0 and below count as what they are, and do not bend the law.
 
 pub mod colour;
+mod common;
 pub mod hemisphere;
 mod judge;
 mod model;
@@ -24,8 +25,12 @@ pub use model::{Cone, Floor, Kind, Recipe, Rise, Surface};
 
 use super::report::{FitError, LeftOut};
 use super::{independent, saturated, student_quantile, wavelength};
+use crate::instrument::TableInstrument;
 use crate::samples::{Samples, turned};
+use common::Common;
+pub(super) use common::not_measured;
 use judge::{Incidence, Judge};
+pub(crate) use model::disc;
 use search::Candidate;
 use serde::Serialize;
 use std::fmt;
@@ -85,6 +90,23 @@ impl Default for SurfaceOptions {
             recipes: Vec::new(),
             most_lobes: 3,
         }
+    }
+}
+
+impl SurfaceOptions {
+    /// As usual, with what the table says of its instrument: the detector's cone, the source, and the error that does not grow with the value.
+    #[must_use]
+    pub fn of(samples: &Samples) -> Self {
+        let mut options = Self::default();
+        if let Some(instrument) = TableInstrument::of(samples) {
+            let Cone { detector_deg, source_deg } = options.cone;
+            options.cone = Cone {
+                detector_deg: instrument.cone_half_angle_deg.unwrap_or(detector_deg),
+                source_deg: instrument.source_half_angle_deg.unwrap_or(source_deg),
+            };
+            options.additive_per_sr = instrument.additive_per_sr;
+        }
+        options
     }
 }
 
@@ -276,6 +298,18 @@ pub enum Flaw {
         /// Root mean square of ln f(i, o)/f(o, i).
         rms_ln: f64,
     },
+    /// A quantity of the instrument that was not measured: the doubt is wider for it.
+    NotMeasured {
+        /// Name of the quantity, and what is assumed instead.
+        quantity: String,
+    },
+    /// The diffuse part is not more than what may be left of stray light.
+    DiffuseMayBeStray {
+        /// Reflectance of the diffuse part.
+        diffuse: f64,
+        /// What may be left of stray light, sr⁻¹.
+        stray_per_sr: f64,
+    },
 }
 
 impl Flaw {
@@ -352,6 +386,13 @@ impl fmt::Display for Flaw {
                 "the table is not reciprocal: light and detector exchanged give values that differ by {:.0} % more than the law does (rms of {pairs} pairs). The law is reciprocal",
                 100.0 * rms_ln.exp_m1()
             ),
+            Self::NotMeasured { quantity } => {
+                write!(f, "the instrument was not measured whole: {quantity}. The doubt is wider for it")
+            }
+            Self::DiffuseMayBeStray { diffuse, stray_per_sr } => write!(
+                f,
+                "the diffuse part ({diffuse:.1e}) may be stray light, of which up to {stray_per_sr:.1e} /sr may be left in the values: take it as an upper bound"
+            ),
         }
     }
 }
@@ -375,11 +416,13 @@ pub struct SurfaceFit {
     pub left_out: LeftOut,
     /// Samples that count less, because they lie apart on one side of the mirrored direction alone.
     pub outliers: usize,
-    /// The instrument that was assumed.
+    /// The cones of detector and source through which the law was seen.
     pub cone: Cone,
+    /// The instrument as the table says it; none where it says nothing.
+    pub instrument: Option<TableInstrument>,
     /// How far the law is from the table.
     pub rms_ln: Rms,
-    /// How far it may be from the surface, from incidences that were left out.
+    /// How far it may be from the surface, from incidences that were left out and from what all values share.
     pub doubt: Doubt,
     /// By incidence.
     pub incidences: Vec<AtIncidence>,
@@ -684,15 +727,24 @@ fn finish(
     let sigma = judge.sigmas(&x, independent);
     let quantile = student_quantile(count.saturating_sub(x.len()).max(1) as f64);
     let bounds = judge.bounds();
+    let instrument = TableInstrument::of(samples);
+    let common = instrument.as_ref().map(|instrument| Common {
+        instrument,
+        surface: &surface,
+        cone: *cone,
+        incidences,
+    });
     let numbers = candidate.recipe.ranges().into_iter().enumerate().map(|(j, range)| {
         let value = x[j].exp();
-        let interval = sigma[j]
+        let shared = |own: f64| common.as_ref().map_or(own, |c| c.sigma(range.key, value, own));
+        let sigma_ln = sigma[j].map(shared);
+        let interval = sigma_ln
             .map(|s| Interval::new(value * (-quantile * s).exp(), value * (quantile * s).exp()));
         Number {
             name: range.key,
             lobe: Some(range.lobe).filter(|l| *l > 0),
             value,
-            sigma_ln: sigma[j],
+            sigma_ln,
             interval,
             at_bound: x[j] <= bounds[j].low + 1e-6 || x[j] >= bounds[j].high - 1e-6,
         }
@@ -708,6 +760,7 @@ fn finish(
         grazing: of(Region::Grazing),
     };
     let doubt = doubt(candidate, incidences, &raw);
+    let doubt = common.as_ref().map_or(doubt, |common| common.widened(doubt));
     let (mut told, mut flaws, mut at) = (Vec::new(), Vec::new(), 0);
     for (k, incidence) in incidences.iter().enumerate() {
         let n = incidence.ln.len();
@@ -770,6 +823,9 @@ fn finish(
         flaws.push(Flaw::LeftOut { left_out });
     }
     flaws.extend(reciprocity(incidences, &raw));
+    if let Some(common) = &common {
+        flaws.extend(common.flaws(&numbers));
+    }
     Ok(SurfaceFit {
         wavelength_nm: samples.wavelength_nm[column],
         name: candidate.recipe.name(),
@@ -780,6 +836,7 @@ fn finish(
         left_out,
         outliers: candidate.weight.iter().filter(|w| **w < 1.0).count(),
         cone: *cone,
+        instrument: instrument.clone(),
         rms_ln,
         doubt,
         incidences: told,

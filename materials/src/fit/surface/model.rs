@@ -707,7 +707,7 @@ fn abg_at_normal(b: f64, g: f64) -> f64 {
 }
 
 /// The directions of a disc about `o` and their weights: Σ w = 1, exact for polynomials of degree 5 over the disc (Stroud S2: 5-1).
-pub(super) fn disc(o: DVec3, radius: f64) -> Vec<(DVec3, f64)> {
+pub(crate) fn disc(o: DVec3, radius: f64) -> Vec<(DVec3, f64)> {
     let (x, y) = o.any_orthonormal_pair();
     let r = radius * (2.0_f64 / 3.0).sqrt();
     let mut all = vec![(o, 0.25)];

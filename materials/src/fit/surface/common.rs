@@ -1,0 +1,107 @@
+//! Errors that all values of a table share. They do not show in residuals, nor at incidences that are left out, and no number of samples makes them smaller.
+
+use super::judge::{Incidence, Region};
+use super::model::{Cone, Surface, disc};
+use super::{Doubt, Flaw, Number};
+use crate::instrument::TableInstrument;
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunglint_numerics::order::median;
+
+/// Half-width of a 95 % interval over the standard deviation.
+const HALF: f64 = 1.96;
+/// Numbers that all light of their part is in proportion to.
+const STRENGTHS: [&str; 3] = ["share", "mirror_share", "diffuse"];
+
+/// Instrument, law, and where it was measured.
+pub(super) struct Common<'a> {
+    pub instrument: &'a TableInstrument,
+    pub surface: &'a Surface,
+    pub cone: Cone,
+    pub incidences: &'a [Incidence],
+}
+
+impl Common<'_> {
+    /// The law through a disc of a half-angle, radians.
+    fn seen(&self, i: DVec3, o: DVec3, radius: f64) -> f64 {
+        self.surface.seen(i, o, &disc(o, radius), 0.5 * radius * radius).max(f64::MIN_POSITIVE)
+    }
+
+    /// The error that does not grow with the value and that all values share, half-width of its 95 % interval at a direction, sr⁻¹.
+    fn additive(&self, cos: f64) -> f64 {
+        let stray = self.instrument.stray_bound_per_sr.unwrap_or(0.0) / cos.max(1e-3);
+        (HALF * self.instrument.common_additive_per_sr).hypot(stray)
+    }
+
+    /// Half-width of the 95 % interval of ln f by what all samples of a region share; of a region without a sample that of all.
+    fn of_region(&self, region: Region) -> f64 {
+        let all = || {
+            let each =
+                |i: &Incidence| i.o.iter().copied().zip(i.region.clone()).collect::<Vec<_>>();
+            self.incidences
+                .iter()
+                .flat_map(move |at| each(at).into_iter().map(|(o, r)| (at.i, o, r)))
+        };
+        let is_seen = all().any(|(_, _, r)| r == region);
+        let rows = || all().filter(|(_, _, r)| *r == region || !is_seen);
+        let radius = self.cone.radius_rad();
+        let dark = rows().map(|(i, o, _)| (self.additive(o.z) / self.seen(i, o, radius)).ln_1p());
+        let additive = median(dark).unwrap_or(0.0);
+        let (sin, cos) = self.instrument.zero_sigma_deg.to_radians().sin_cos();
+        let zero = super::rms(rows().map(|(i, o, _)| {
+            let aside = DVec3::new(o.x * cos + o.z * sin, o.y, o.z * cos - o.x * sin);
+            if sin == 0.0 || aside.z <= 1e-3 {
+                return 0.0;
+            }
+            (self.seen(i, aside, radius) / self.seen(i, o, radius)).ln()
+        }));
+        // A source that nobody has seen may be as wide as the detector's cone.
+        let wider = std::f64::consts::SQRT_2 * radius;
+        let blur = super::rms(rows().map(|(i, o, _)| {
+            if !self.instrument.is_source_unknown() || radius == 0.0 {
+                return 0.0;
+            }
+            (self.seen(i, o, wider) / self.seen(i, o, radius)).ln()
+        }));
+        (HALF * self.instrument.scale_sigma)
+            .hypot(additive)
+            .hypot(HALF * zero.unwrap_or(0.0))
+            .hypot(blur.unwrap_or(0.0))
+    }
+
+    /// The doubt with what all values share.
+    pub fn widened(&self, doubt: Doubt) -> Doubt {
+        Doubt {
+            peak_ln: doubt.peak_ln.hypot(self.of_region(Region::Peak)),
+            wings_ln: doubt.wings_ln.hypot(self.of_region(Region::Wings)),
+            grazing_ln: doubt.grazing_ln.hypot(self.of_region(Region::Grazing)),
+        }
+    }
+
+    /// Returns the standard deviation of a number's logarithm with what all values share.
+    pub fn sigma(&self, name: &str, value: f64, own: f64) -> f64 {
+        if !STRENGTHS.contains(&name) {
+            return own;
+        }
+        let stray = if name == "diffuse" { PI * self.additive(1.0) / HALF / value } else { 0.0 };
+        own.hypot(self.instrument.scale_sigma).hypot(stray)
+    }
+
+    /// What was not measured, and diffuse light that may be stray light.
+    pub fn flaws(&self, numbers: &[Number]) -> Vec<Flaw> {
+        let mut flaws = not_measured(self.instrument);
+        let diffuse = numbers.iter().find(|n| n.name == "diffuse");
+        // Stray light over cosθ_o, as it is left in f at 60°.
+        let stray_per_sr = self.additive(0.5);
+        if let Some(diffuse) = diffuse.filter(|n| n.value <= PI * stray_per_sr) {
+            flaws.push(Flaw::DiffuseMayBeStray { diffuse: diffuse.value, stray_per_sr });
+        }
+        flaws
+    }
+}
+
+/// A flaw for each quantity that was not measured.
+pub(in crate::fit) fn not_measured(instrument: &TableInstrument) -> Vec<Flaw> {
+    let one = |quantity: &String| Flaw::NotMeasured { quantity: quantity.clone() };
+    instrument.missing.iter().map(one).collect()
+}
