@@ -286,7 +286,7 @@ fn from_a_plan_to_a_material_in_three_commands() {
     let made = folder.json(&["brdf", "ingest", "bad/", "--json"]);
     assert!(made["warnings"].to_string().contains("signature"), "{}", made["warnings"]);
     // Law and material take the instrument from the values, and name what it lacks.
-    folder.done(&["brdf", "ingest", "bad/", "-q", "-o", "bad-values/"]);
+    folder.done(&["brdf", "ingest", "bad/", "-q", "-o", "bad-values/", "-o", "bad.fits"]);
     let fit = ["brdf", "fit", "bad-values/samples.ecsv", "--most-lobes", "1", "--accept"];
     let fitted = folder.json(&[&fit[..], &["--json", "-q", "-o", "bad-fit/"]].concat());
     assert!(fitted["warnings"].to_string().contains("the signature"), "{}", fitted["warnings"]);
@@ -299,7 +299,7 @@ fn from_a_plan_to_a_material_in_three_commands() {
     let page = ["brdf", "page", "bad-fit/material.toml", "--wavelength-nm", "633", "-q"];
     folder.done(&[&page[..], &["-o", "bad.html"]].concat());
     assert!(std::fs::read_to_string(folder.path("bad.html")).unwrap().contains("the signature"));
-    let assemble = ["brdf", "assemble", "bad-values/samples.fits", "lab/ndf.ecsv"];
+    let assemble = ["brdf", "assemble", "bad.fits", "lab/ndf.ecsv"];
     let small =
         ["--side", "17", "--theta-i", "6", "--normals", "32", "--json", "-o", "made-badly.bsdf"];
     let assembled = folder.json(&[&assemble[..], &small].concat());

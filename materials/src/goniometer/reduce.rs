@@ -355,6 +355,12 @@ pub fn reduce(
     if captured.is_nan() || captured < LEAST_CAPTURED {
         return Err(GoniometerError::Beside { captured: captured.max(0.0) });
     }
+    // Scans that tell no signature may still be brighter elsewhere than where the beam was read.
+    let brightest = along.iter().chain(&across).map(|p| p.power_w).fold(0.0, f64::max);
+    let in_beam = of_beam().map(|read| net(read).power_w).fold(0.0, f64::max);
+    if found.is_none() && in_beam < 0.5 * brightest {
+        return Err(GoniometerError::Beside { captured: in_beam / brightest });
+    }
     let lamp = Lamp::new(of(Part::Reference), &beams, &dark, &mut missing);
     if lamp.disagree > MUCH {
         warnings.push(format!(

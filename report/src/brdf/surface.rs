@@ -178,7 +178,11 @@ pub fn text(fit: &SurfaceFit, toml: &str) -> String {
     let _ = writeln!(
         text,
         "{} through {} values at {} nm, seen through {}° (detector) and {}° (source)",
-        fit.name, fit.values, fit.wavelength_nm, fit.cone.detector_deg, fit.cone.source_deg
+        fit.name,
+        fit.values,
+        fit.wavelength_nm,
+        (1e4 * fit.cone.detector_deg).round() / 1e4,
+        (1e4 * fit.cone.source_deg).round() / 1e4
     );
     if let Some(it) = &fit.instrument {
         let _ = writeln!(

@@ -6,7 +6,7 @@ use super::{Doubt, Flaw, Number};
 use crate::instrument::TableInstrument;
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunglint_numerics::order::median;
+use sunglint_numerics::order::quantile;
 
 /// Half-width of a 95 % interval over the standard deviation.
 const HALF: f64 = 1.96;
@@ -45,8 +45,11 @@ impl Common<'_> {
         let is_seen = all().any(|(_, _, r)| r == region);
         let rows = || all().filter(|(_, _, r)| *r == region || !is_seen);
         let radius = self.cone.radius_rad();
+        // The interval is to hold nearly all samples of the region: what is darkest decides.
         let dark = rows().map(|(i, o, _)| (self.additive(o.z) / self.seen(i, o, radius)).ln_1p());
-        let additive = median(dark).unwrap_or(0.0);
+        let mut dark: Vec<f64> = dark.collect();
+        dark.sort_by(f64::total_cmp);
+        let additive = if dark.is_empty() { 0.0 } else { quantile(&dark, 0.95) };
         let (sin, cos) = self.instrument.zero_sigma_deg.to_radians().sin_cos();
         let zero = super::rms(rows().map(|(i, o, _)| {
             let aside = DVec3::new(o.x * cos + o.z * sin, o.y, o.z * cos - o.x * sin);
