@@ -174,7 +174,7 @@ fn what_cannot_be_planned_is_refused() {
 }
 
 /// Truth: geometry, arithmetic. Plans of few measurements have so many, all of them of the plan that they were chosen from and within the bench's reach; the fewer are among the more. They lie as the lobe does:
-/// half of the normals that they mirror at are tilted by less than three times the lobe's own width, tan⁻¹α. Their time is that of settling and readings at least.
+/// half of the normals that they mirror at are tilted by less than four times the lobe's own width, tan⁻¹α (spread over all directions alike by less than 45°). Their time is that of settling and readings at least.
 #[test]
 fn a_plan_of_few_measurements() {
     use sunglint_formats::toml::Document;
@@ -228,7 +228,7 @@ fn a_plan_of_few_measurements() {
         assert!(matches!(error, PlanError::TooMany { asked: 9999, .. }), "{error}");
     }
     eprintln!("middle tilts {middle:?}");
-    assert!(middle.is_sorted() && middle[0] < 8.6 && middle[1] < 25.6, "{middle:?}");
+    assert!(middle.is_sorted() && middle[0] < 11.4 && middle[1] < 34.1, "{middle:?}");
     // An anisotropic sample: all azimuths of incidence.
     let ndf = ndf([0.1, 0.3]);
     let options =

@@ -264,9 +264,10 @@ fn reachable<'a>(
 pub(super) fn stages(bench: &Bench, kinematics: &Kinematics, planned: &Planned) -> Option<Angles> {
     let reach = &bench.reach;
     let pose = Pose::from(planned);
-    let within = pose.theta_i_deg <= reach.most_theta_i_deg.get()
-        && pose.theta_o_deg <= reach.most_theta_o_deg.get()
-        && pose.phase_deg() >= reach.least_phase_deg.get();
+    // An incidence at the edge of the reach is not lost to rounding.
+    let within = pose.theta_i_deg <= reach.most_theta_i_deg.get() + 1e-9
+        && pose.theta_o_deg <= reach.most_theta_o_deg.get() + 1e-9
+        && pose.phase_deg() >= reach.least_phase_deg.get() - 1e-9;
     kinematics.of(&pose).filter(|_| within)
 }
 
