@@ -540,6 +540,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         std::fs::write(folder.path(file), text).unwrap();
     }
     keys(&folder.json(&["brdf", "retro", "run.toml", "--json", "-o", "run/"]), &mut printed);
+    let few = ["brdf", "plan", "ndf.ecsv", "--measurements", "24", "--side", "9", "--json"];
+    keys(&folder.json(&few), &mut printed);
     folder.done(&["brdf", "plan", "ndf.ecsv", "--side", "9", "-q", "-o", "everywhere.ecsv"]);
     std::fs::write(folder.path("bench.toml"), "virtual = \"goniometer.toml\"\n[axis.azimuth]\n")
         .unwrap();

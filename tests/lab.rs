@@ -267,6 +267,32 @@ fn from_a_plan_to_a_material_in_three_commands() {
     // The bench of the page is one, but for its devices.
     let toml = page_toml("lab-run.md", "[axis.sample]");
     std::fs::write(folder.path("bench.toml"), toml).unwrap();
+    // Plans of few measurements: all of them are in the bench's reach, and take the time that was said. What cannot be is refused with numbers.
+    let plan = ["brdf", "plan", "lab/ndf.ecsv", "--json", "-o", "few/"];
+    let few = folder.json(&[&plan[..], &["--measurements", "40"]].concat());
+    assert_eq!(few["steps"], 40, "{few}");
+    let text = folder.done(&["brdf", "plan", "lab/ndf.ecsv", "--measurements", "40"]);
+    assert!(text.contains("40 of ") && text.contains("looks at the reference"), "{text}");
+    let ran = ["brdf", "run", "few/plan.ecsv", "--virtual", "-o", "few-run/", "--json"];
+    let ran = folder.json(&ran);
+    assert_eq!((&ran["measured"], &ran["unreachable"]), (&40.into(), &0.into()), "{ran}");
+    let [said, taken] = [&few["budget"], &ran].map(|of| of["estimate_s"].as_f64().unwrap());
+    assert!((said / taken - 1.0).abs() < 0.02, "{said} {taken}");
+    folder.done(&["brdf", "ingest", "few-run/", "-o", "few-values/"]);
+    let assemble =
+        ["brdf", "assemble", "few-values/samples.ecsv", "lab/ndf.ecsv", "-o", "few.bsdf"];
+    folder.done(
+        &[&assemble[..], &["--plan", "few/plan.ecsv", "--theta-i", "8", "--side", "17"]].concat(),
+    );
+    let hours = ["brdf", "plan", "lab/ndf.ecsv", "--bench", "bench.toml", "--hours"];
+    let said = folder.refused(1, &[&hours[..], &["0.01"]].concat());
+    assert!(said.contains("measures itself") && said.contains("24 directions"), "{said}");
+    folder.refused(2, &[&hours[..], &["-1"]].concat());
+    folder.refused(2, &["brdf", "plan", "lab/ndf.ecsv", "--bench", "bench.toml"]);
+    let said = folder.refused(1, &["brdf", "plan", "lab/ndf.ecsv", "--measurements", "9"]);
+    assert!(said.contains("24 or more"), "{said}");
+    let said = folder.refused(1, &["brdf", "plan", "lab/ndf.ecsv", "--measurements", "99999"]);
+    assert!(said.contains("within reach to choose from"), "{said}");
     let refused = ["brdf", "run", "lab/plan.ecsv", "--bench", "bench.toml", "-o", "real/"];
     let said = folder.refused(1, &refused);
     assert!(said.contains("/dev/ttyACM0"), "{said}");

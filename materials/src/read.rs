@@ -7,6 +7,7 @@ use std::path::Path;
 use sunglint_formats::fits::Fits;
 use sunglint_formats::merl::{self, MerlBrdf};
 use sunglint_formats::text_table::read_str;
+use sunglint_formats::toml::Document;
 use sunglint_formats::utia::{self, UtiaBrdf};
 use sunglint_formats::{FileError, ParseError, Table, opus};
 use sunglint_radiometry::light_curve::Input;
@@ -101,6 +102,15 @@ pub fn exchange_format(path: &Path) -> Option<Exchange> {
 pub fn table(path: &Path) -> Result<(Table, Vec<Input>), ReadError> {
     let (text, inputs) = text(path)?;
     Ok((read_str(path, &text)?, inputs))
+}
+
+/// Reads a TOML document from a file.
+///
+/// # Errors
+/// A file that cannot be read, or holds no TOML.
+pub fn document(path: &Path) -> Result<(Document, Vec<Input>), ReadError> {
+    let (text, inputs) = text(path)?;
+    Ok((Document::new(path, text)?, inputs))
 }
 
 fn text(path: &Path) -> Result<(String, Vec<Input>), ReadError> {

@@ -104,7 +104,7 @@ fn go_on(
     result.map(|()| record.0)
 }
 
-fn whole(bench: &Bench, options: &Options, planned: &[Planned]) -> (Vec<Line>, Tasks, Reduced) {
+pub fn whole(bench: &Bench, options: &Options, planned: &[Planned]) -> (Vec<Line>, Tasks, Reduced) {
     let kinematics = Kinematics::new(bench);
     let list = tasks(bench, &kinematics, planned);
     let lines = go_on(bench, options, &list, &[]).unwrap();

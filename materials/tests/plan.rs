@@ -173,6 +173,73 @@ fn what_cannot_be_planned_is_refused() {
     assert!(matches!(error, PlanError::Unreachable { .. }));
 }
 
+/// Truth: geometry, arithmetic. Plans of few measurements have so many, all of them of the plan that they were chosen from and within the bench's reach; the fewer are among the more. They lie as the lobe does:
+/// half of the normals that they mirror at are tilted by less than four times the lobe's own width, tan⁻¹α (spread over all directions alike by less than 45°). Their time is that of settling and readings at least.
+#[test]
+fn a_plan_of_few_measurements() {
+    use sunglint_formats::toml::Document;
+    use sunglint_materials::goniometer::bench::{Bench, USUAL_BENCH};
+    use sunglint_materials::goniometer::budget::{Budget, within_budget};
+    use sunglint_numerics::progress::Silent;
+    let bench = Bench::new(&Document::new("bench", USUAL_BENCH).unwrap(), Some("")).unwrap();
+    let mut middle = Vec::new();
+    for alpha in [0.05, 0.15, 0.4] {
+        let ndf = ndf([alpha; 2]);
+        let pool = plan(&ndf, &PlanOptions::to_choose_from(85.0)).unwrap();
+        let of = |budget| within_budget(&pool, &ndf, &bench, budget, &Silent);
+        let many = of(Budget::Directions(120)).unwrap();
+        let few = of(Budget::Directions(60)).unwrap();
+        assert_eq!((few.steps.len(), many.steps.len()), (60, 120));
+        for step in &few.steps {
+            assert!(many.steps.contains(step) && pool.steps.contains(step));
+        }
+        let mut tilts = Vec::new();
+        for one in many.planned() {
+            assert!(one.theta_o_deg <= 85.0 && one.theta_i_deg <= 85.0, "{one:?}");
+            let unit = |theta: f64, phi: f64| {
+                let (theta, phi) = (theta.to_radians(), phi.to_radians());
+                DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+            };
+            let (i, o) =
+                (unit(one.theta_i_deg, one.phi_i_deg), unit(one.theta_o_deg, one.phi_o_deg));
+            assert!(i.angle_between(o).to_degrees() >= 5.0 - 1e-6, "{one:?}");
+            tilts.push((i + o).normalize().z.acos().to_degrees());
+        }
+        tilts.sort_by(f64::total_cmp);
+        middle.push(tilts[60]);
+        let table = to_table(&many);
+        let (read, _) =
+            sunglint_materials::plan::planned(std::path::Path::new("plan.ecsv"), &table).unwrap();
+        assert_eq!(read.len(), 120);
+        for (a, b) in read.iter().zip(many.planned()) {
+            let off = (a.theta_i_deg - b.theta_i_deg).hypot(a.theta_o_deg - b.theta_o_deg);
+            assert!(a.step == b.step && off < 0.02, "{a:?} {b:?}");
+        }
+        let times = many.chosen.unwrap().times.unwrap();
+        // Two looks more than each 50th direction, settling and five readings are 1.25 s.
+        assert!((4..=6).contains(&times.references) && times.total_s > times.own_s + 150.0);
+        let timed = of(Budget::Hours(1.05 * times.total_s / 3600.0)).unwrap();
+        let hours = timed.chosen.unwrap().times.unwrap().total_s / 3600.0;
+        assert!(timed.steps.len() >= 115 && hours <= 1.05 * times.total_s / 3600.0, "{hours}");
+        let short = of(Budget::Hours(0.01)).unwrap_err().to_string();
+        assert!(short.contains("measures itself"), "{short}");
+        assert!(of(Budget::Directions(23)).unwrap_err().to_string().contains("24 or more"));
+        let error = of(Budget::Directions(9999)).unwrap_err();
+        assert!(matches!(error, PlanError::TooMany { asked: 9999, .. }), "{error}");
+    }
+    eprintln!("middle tilts {middle:?}");
+    assert!(middle.is_sorted() && middle[0] < 11.4 && middle[1] < 34.1, "{middle:?}");
+    // An anisotropic sample: all azimuths of incidence.
+    let ndf = ndf([0.1, 0.3]);
+    let options =
+        PlanOptions { theta_i: 6, phi_i: 5, side: 9, ..PlanOptions::to_choose_from(80.0) };
+    let pool = plan(&ndf, &options).unwrap();
+    let few = within_budget(&pool, &ndf, &bench, Budget::Directions(100), &Silent).unwrap();
+    let azimuths: std::collections::BTreeSet<usize> =
+        few.steps.iter().map(|s| s.incident[0]).collect();
+    assert!(few.steps.len() == 100 && azimuths.len() >= 3, "{azimuths:?}");
+}
+
 /// Truth: the samples are those of the plan itself, made by its table's columns, less three that are taken out (one of them a value of 0) and more by one that is none of its. Nothing else may
 /// be missing; half a degree is allowed.
 #[test]

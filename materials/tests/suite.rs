@@ -1,5 +1,6 @@
 //! All tests of this crate: one program, so that one is linked.
 
+mod budget;
 mod goniometer;
 mod implausible;
 mod material;

@@ -1,9 +1,13 @@
 //! `sunglint brdf plan`: where to measure a sample.
 
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
+use sunglint_formats::toml::Document;
+use sunglint_materials::goniometer::bench::{Bench, USUAL_BENCH};
+use sunglint_materials::goniometer::budget::{Budget, within_budget};
 use sunglint_materials::plan::{PlanOptions, Rig, plan};
 use sunglint_materials::read;
 use sunglint_report::brdf::plan::{product, text};
@@ -14,16 +18,25 @@ pub struct PlanArgs {
     /// The sample's NDF, as `sunglint brdf ndf` writes it
     #[arg(value_name = "NDF")]
     pub ndf: PathBuf,
-    /// Number of incident elevations
-    #[arg(long, value_name = "N", default_value_t = 8)]
-    pub theta_i: usize,
+    /// Measure so many directions: those that lower the doubt of the material most, among those that the bench reaches
+    #[arg(long, value_name = "N", conflicts_with = "hours")]
+    pub measurements: Option<usize>,
+    /// Measure as many directions as the bench does in this time, its own signature, zeros, stray light and references among it
+    #[arg(long, value_name = "H")]
+    pub hours: Option<f64>,
+    /// The bench of --measurements and --hours: its reach and its speeds (docs/lab-run.md) [default: a bench as usual]
+    #[arg(long, value_name = "BENCH.toml")]
+    pub bench: Option<PathBuf>,
+    /// Number of incident elevations [default: 8; 16 to choose from with --measurements or --hours]
+    #[arg(long, value_name = "N")]
+    pub theta_i: Option<usize>,
     /// Number of incident azimuths of an anisotropic sample, both ends included
     #[arg(long, value_name = "N", default_value_t = 9)]
     pub phi_i: usize,
     /// The sample is symmetric about its axes: a quarter of the circle says all
     #[arg(long)]
     pub quarter: bool,
-    /// Side of the grid of outgoing directions [default: 32; 33 with --rig]
+    /// Side of the grid of outgoing directions [default: 32; 33 with --rig; 24 with --measurements or --hours]
     #[arg(long, value_name = "N")]
     pub side: Option<usize>,
     /// Nodes of the densities in elevation and azimuth
@@ -32,7 +45,7 @@ pub struct PlanArgs {
     /// Share of the directions that is spread over all tilts, for the lobe's tails; 0 as in the paper
     #[arg(long, value_name = "SHARE", default_value_t = 0.25)]
     pub wide: f64,
-    /// Largest angle of incidence [default: 89.9; 55 with --rig]
+    /// Largest angle of incidence [default: 89.9; 55 with --rig; what the bench reaches with --measurements or --hours]
     #[arg(long, value_name = "DEG")]
     pub most_theta_i_deg: Option<f64>,
     /// A rig that turns in the plane of incidence, by hand to marks, and shades itself at small phase angles
@@ -53,8 +66,30 @@ pub struct PlanArgs {
 }
 
 impl PlanArgs {
-    fn options(&self) -> PlanOptions {
-        let mut options = PlanOptions::default();
+    fn budget(&self) -> anyhow::Result<Option<Budget>> {
+        let budget = match (self.measurements, self.hours) {
+            (Some(count), _) => Some(Budget::Directions(count)),
+            (None, Some(hours)) if hours.is_finite() && hours > 0.0 => Some(Budget::Hours(hours)),
+            (None, Some(hours)) => {
+                let text = format!("--hours: found {hours}, expected a time above 0");
+                return Err(Usage(text).into());
+            }
+            (None, None) => None,
+        };
+        if budget.is_none() && self.bench.is_some() {
+            let text = "--bench goes with --measurements or --hours";
+            return Err(Usage(text.into()).into());
+        }
+        Ok(budget)
+    }
+
+    fn options(&self, bench: Option<&Bench>) -> PlanOptions {
+        let mut options = match bench {
+            Some(bench) => {
+                PlanOptions::to_choose_from(bench.reach.most_theta_i_deg.get().min(89.9))
+            }
+            None => PlanOptions::default(),
+        };
         if self.rig {
             let usual = Rig::default();
             options = PlanOptions::of_rig(Rig {
@@ -64,10 +99,10 @@ impl PlanArgs {
                 mark_deg: self.mark_deg.unwrap_or(usual.mark_deg),
             });
         }
+        options.theta_i = self.theta_i.unwrap_or(options.theta_i);
         options.side = self.side.unwrap_or(options.side);
         options.most_theta_i_deg = self.most_theta_i_deg.unwrap_or(options.most_theta_i_deg);
         PlanOptions {
-            theta_i: self.theta_i,
             phi_i: self.phi_i,
             quarter: self.quarter,
             normals: self.normals,
@@ -79,10 +114,27 @@ impl PlanArgs {
 
 pub(super) fn run(args: &PlanArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    let (ndf, inputs) = read::density(&args.ndf)?;
+    let budget = args.budget()?;
+    let (ndf, mut inputs) = read::density(&args.ndf)?;
     if args.quarter && ndf.is_isotropic() {
         return Err(Usage("--quarter: the sample is isotropic, it has no azimuths".into()).into());
     }
-    let made = plan(&ndf, &args.options()).with_context(|| args.ndf.display().to_string())?;
+    let bench = match (budget, &args.bench) {
+        (None, _) => None,
+        (Some(_), Some(path)) => {
+            let (document, others) = read::document(path)?;
+            inputs.extend(others);
+            Some(Bench::new(&document, None)?)
+        }
+        (Some(_), None) => Some(Bench::new(&Document::new("bench", USUAL_BENCH)?, Some(""))?),
+    };
+    let sample = || args.ndf.display().to_string();
+    let mut made = plan(&ndf, &args.options(bench.as_ref())).with_context(sample)?;
+    if let (Some(budget), Some(bench)) = (budget, &bench) {
+        let bar = Bar::new(console);
+        let chosen = within_budget(&made, &ndf, bench, budget, &bar);
+        drop(bar);
+        made = chosen.with_context(sample)?;
+    }
     args.out.finish(&product(&made, &inputs), &text(&made), console)
 }

@@ -879,6 +879,7 @@ case(
     f"brdf plan {NDF} --side 8 --wide 0 --normals 64",
     "brdf plan in/lab/anisotropic/ndf.ecsv --side 5 --theta-i 3 --phi-i 4 --normals 32 --quarter --json",
 )
+case("brdf/plan_budget", f"brdf plan {NDF} --measurements 40 -o few/", f"brdf plan {NDF} --hours 0.3 --json")
 formats("brdf/ingest", "brdf ingest in/lab/ingest.toml", "s", "ecsv", "csv", "fits", "json", "png", "svg")
 SAMPLES = "in/lab/samples/samples.ecsv"
 ASSEMBLE = f"brdf assemble {SAMPLES} {NDF} --side 9 --theta-i 4 --normals 32"
@@ -911,6 +912,9 @@ refused(
     f"brdf plan {NDF} --mark-deg 2",
     f"brdf plan {NDF} --quarter",
     f"brdf plan {NDF} --rig --side 32",
+    f"brdf plan {NDF} --measurements 9",
+    f"brdf plan {NDF} --hours 0.01",
+    f"brdf plan {NDF} --bench bench.toml",
     "brdf ingest",
     "brdf ingest gone.toml",
     "brdf ingest in/lab/run.toml",

@@ -22,7 +22,7 @@ const FLOOR: f64 = 1e-12;
 /// Neighbours of a direction.
 const NEIGHBOURS: usize = 24;
 /// Signs of the coordinates under the symmetries: light and detector swapped, half a turn, and (of a sample that is the same on both sides of its axes) a mirror.
-const IMAGES: [[f64; 4]; 8] = [
+pub(crate) const IMAGES: [[f64; 4]; 8] = [
     [1.0, 1.0, 1.0, 1.0],
     [1.0, 1.0, -1.0, -1.0],
     [-1.0, -1.0, -1.0, -1.0],

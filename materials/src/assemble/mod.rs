@@ -11,6 +11,7 @@ mod near;
 mod refine;
 
 pub use base::Base;
+pub(crate) use base::IMAGES;
 pub use doubt::Doubt;
 
 use super::instrument::TableInstrument;

@@ -460,6 +460,9 @@ impl Bench {
 /// A bench with three axes and all else as usual, in front of a virtual goniometer: for whoever has no bench.
 pub const VIRTUAL_BENCH: &str = "virtual = \"goniometer.toml\"\n\n[axis.azimuth]\n";
 
+/// A bench with all four axes and all else as usual: what is planned for where no bench is named.
+pub const USUAL_BENCH: &str = "virtual = \"goniometer.toml\"\n\n[axis.azimuth]\n\n[axis.turn]\n";
+
 /// Names of the four axes.
 pub const AXES: [&str; 4] = ["sample", "detector", "azimuth", "turn"];
 

@@ -2,6 +2,7 @@
 //!
 //! - [`mod@bench`]: BENCH.toml, the axes, the meter and the optics of a bench;
 //! - [`pose`]: directions as angles of the axes;
+//! - [`budget`]: plans of so many directions, or so much time;
 //! - [`tasks`]: all that a run measures, in its order;
 //! - [`mod@measure`]: the run itself, resumable after any reading;
 //! - [`line`](mod@line): what was read, as the run's folder holds it;
@@ -11,6 +12,7 @@
 //! - [`folder`]: a run's folder as values.
 
 pub mod bench;
+pub mod budget;
 pub mod folder;
 pub mod line;
 pub mod measure;

@@ -214,10 +214,8 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
     list.tasks.push(Task { part: Part::Beam, number: 2, stages: beam });
     list.tasks.push(Task { part: Part::Dark, number: 1, stages: beam });
     let List { tasks, missing, .. } = list;
-    let reading_s = bench.meter.settle_s.get()
-        + f64::from(bench.scan.readings) * (READING_S + bench.scan.interval_s.get());
     let all_moves: f64 = tasks.windows(2).map(|pair| way(&pair[0].stages, &pair[1].stages)).sum();
-    let estimate_s = reading_s * tasks.len() as f64 + all_moves;
+    let estimate_s = reading_s(bench) * tasks.len() as f64 + all_moves;
     Tasks { tasks, unreachable, missing, estimate_s, unordered_s, moving_s }
 }
 
@@ -252,17 +250,29 @@ fn reachable<'a>(
     kinematics: &Kinematics,
     planned: &'a [Planned],
 ) -> (Places<'a>, Vec<Planned>) {
-    let reach = &bench.reach;
     let (mut places, mut unreachable) = (Vec::new(), Vec::new());
     for one in planned {
-        let pose = Pose::from(one);
-        let within = pose.theta_i_deg <= reach.most_theta_i_deg.get()
-            && pose.theta_o_deg <= reach.most_theta_o_deg.get()
-            && pose.phase_deg() >= reach.least_phase_deg.get();
-        match kinematics.of(&pose).filter(|_| within) {
+        match stages(bench, kinematics, one) {
             Some(stages) => places.push((one, stages)),
             None => unreachable.push(*one),
         }
     }
     (places, unreachable)
+}
+
+/// Where the stages go for a direction of a plan; none where the bench does not reach it.
+pub(super) fn stages(bench: &Bench, kinematics: &Kinematics, planned: &Planned) -> Option<Angles> {
+    let reach = &bench.reach;
+    let pose = Pose::from(planned);
+    // An incidence at the edge of the reach is not lost to rounding.
+    let within = pose.theta_i_deg <= reach.most_theta_i_deg.get() + 1e-9
+        && pose.theta_o_deg <= reach.most_theta_o_deg.get() + 1e-9
+        && pose.phase_deg() >= reach.least_phase_deg.get() - 1e-9;
+    kinematics.of(&pose).filter(|_| within)
+}
+
+/// Time of a measurement without the way to it, s.
+pub(super) fn reading_s(bench: &Bench) -> f64 {
+    let readings = f64::from(bench.scan.readings);
+    bench.meter.settle_s.get() + readings * (READING_S + bench.scan.interval_s.get())
 }

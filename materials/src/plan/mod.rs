@@ -5,12 +5,14 @@
 //! marks, not closer to its lamp than a phase angle, gets the cells that it can reach.
 
 mod check;
+mod choose;
 mod density;
 pub(crate) mod order;
 mod rig;
 mod table;
 
 pub use check::{Planned, missing, planned};
+pub use choose::{Choice, LEAST};
 pub use density::Densities;
 pub use rig::Rig;
 pub use table::to_table;
@@ -18,6 +20,7 @@ pub use table::to_table;
 use super::ndf::Ndf;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
+use sunglint_numerics::progress::Cancelled;
 use sunglint_simulator::surface::Blend;
 
 /// How a plan is made.
@@ -37,6 +40,8 @@ pub struct PlanOptions {
     pub wide: f64,
     /// The largest incident elevation, degrees.
     pub most_theta_i_deg: f64,
+    /// Incident elevations in equal steps, and not by the projected area: between the last ones of a narrow lobe 25° and more are left, where a material changes most.
+    pub even: bool,
     /// A rig that cannot reach all directions.
     pub rig: Option<Rig>,
 }
@@ -51,12 +56,19 @@ impl Default for PlanOptions {
             normals: 128,
             wide: 0.25,
             most_theta_i_deg: 89.9,
+            even: false,
             rig: None,
         }
     }
 }
 
 impl PlanOptions {
+    /// To choose the measurements of a budget from, up to an angle of incidence, degrees.
+    #[must_use]
+    pub fn to_choose_from(most_theta_i_deg: f64) -> Self {
+        Self { theta_i: 16, side: 24, most_theta_i_deg, even: true, ..Self::default() }
+    }
+
     /// For a rig: in its plane, with a grid that has the plane among its rows.
     pub fn of_rig(rig: Rig) -> Self {
         Self { side: 33, most_theta_i_deg: rig.most_theta_i_deg, rig: Some(rig), ..Self::default() }
@@ -91,6 +103,37 @@ pub enum PlanError {
         /// Directions in the plan.
         cells: usize,
     },
+    /// A budget of fewer measurements than a material can be made of.
+    #[error("a budget of {asked} measurements: a material is made of {LEAST} or more")]
+    TooFew {
+        /// The measurements that were asked for.
+        asked: usize,
+    },
+    /// A budget of more measurements than there are to choose from.
+    #[error(
+        "a budget of {asked} measurements: {directions} directions are within reach to choose from; a finer grid (side, theta_i) has more"
+    )]
+    TooMany {
+        /// The measurements that were asked for.
+        asked: usize,
+        /// Directions to choose from.
+        directions: usize,
+    },
+    /// A budget of less time than a bench needs.
+    #[error(
+        "a budget of {asked_h} h: the bench measures itself (dark, beam, signature, stray light, zeros, references) for {own_h:.2} h, and with {LEAST} directions it takes {least_h:.2} h"
+    )]
+    TooShort {
+        /// The time that was asked for, h.
+        asked_h: f64,
+        /// Time without any direction, h.
+        own_h: f64,
+        /// The least time, h.
+        least_h: f64,
+    },
+    /// Whoever watches ended it.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// A cell of the file's grid of values.
@@ -117,6 +160,28 @@ pub struct Step {
     pub marks_deg: Option<[f64; 2]>,
 }
 
+/// Choice of a plan's measurements within a budget.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chosen {
+    /// Number of directions from which they were chosen.
+    pub of: usize,
+    /// Time that a bench needs for them, where one was given.
+    pub times: Option<Times>,
+}
+
+/// Parts of a run on a bench, and its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Times {
+    /// Looks at the reference direction.
+    pub references: usize,
+    /// Measurements of the instrument itself.
+    pub instrument: usize,
+    /// Time without the plan's directions, s.
+    pub own_s: f64,
+    /// Time of the whole run, s.
+    pub total_s: f64,
+}
+
 /// A plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
@@ -130,10 +195,38 @@ pub struct Plan {
     pub cells: Vec<Cell>,
     /// The measurements, in the order in which they are taken.
     pub steps: Vec<Step>,
+    /// The choice of these measurements, where there was a budget ([`Choice`]).
+    pub chosen: Option<Chosen>,
     /// How far the detector goes in that order, degrees, the way to each incident direction left out.
     pub travel_deg: f64,
     /// How far it would go in the order of the cells.
     pub unordered_travel_deg: f64,
+}
+
+impl Plan {
+    /// Unit vectors to light and detector of a measurement; with a rig at its marks.
+    #[must_use]
+    pub fn directions(&self, step: &Step) -> (DVec3, DVec3) {
+        let [phi, theta] = [self.phi_i_rad[step.incident[0]], self.theta_i_rad[step.incident[1]]];
+        let theta = step.marks_deg.map_or(theta, |marks| marks[0].to_radians());
+        (density::direction(theta, phi), step.outgoing)
+    }
+
+    /// The measurements as a plan's table says them.
+    #[must_use]
+    pub fn planned(&self) -> Vec<Planned> {
+        let one = |(k, step): (usize, &Step)| {
+            let (i, o) = self.directions(step);
+            Planned {
+                step: k + 1,
+                theta_i_deg: i.truncate().length().atan2(i.z).to_degrees(),
+                phi_i_deg: self.phi_i_rad[step.incident[0]].to_degrees(),
+                theta_o_deg: o.truncate().length().atan2(o.z).to_degrees(),
+                phi_o_deg: o.y.atan2(o.x).to_degrees(),
+            }
+        };
+        self.steps.iter().enumerate().map(one).collect()
+    }
 }
 
 /// Makes a plan for a sample.
@@ -181,7 +274,16 @@ pub fn plan(ndf: &Ndf, options: &PlanOptions) -> Result<Plan, PlanError> {
         return Err(PlanError::Unreachable { cells: cells.len() });
     }
     let options = options.clone();
-    Ok(Plan { theta_i_rad, phi_i_rad, options, cells, steps, travel_deg, unordered_travel_deg })
+    Ok(Plan {
+        theta_i_rad,
+        phi_i_rad,
+        options,
+        cells,
+        steps,
+        chosen: None,
+        travel_deg,
+        unordered_travel_deg,
+    })
 }
 
 fn check(options: &PlanOptions) -> Result<(), PlanError> {
@@ -211,10 +313,14 @@ fn check(options: &PlanOptions) -> Result<(), PlanError> {
     }
 }
 
-/// Elevations at equal parts of ∫ σ du, from 0 to the largest: σ is the chance that light from there meets the surface.
+/// Elevations in equal steps, or at equal parts of ∫ σ du, from 0 to the largest: σ is the chance that light from there meets the surface.
 fn incident(densities: &Densities, options: &PlanOptions) -> Vec<f64> {
     const PIECES: usize = 2048;
     let most = options.most_theta_i_deg.to_radians();
+    if options.even {
+        let step = most / (options.theta_i - 1) as f64;
+        return (0..options.theta_i).map(|j| step * j as f64).collect();
+    }
     let end = (most / FRAC_PI_2).sqrt();
     let at = |k: usize| end * k as f64 / PIECES as f64;
     let mut sums = vec![0.0];

@@ -81,6 +81,7 @@ pub fn to_table(plan: &Plan) -> Table {
         ("steps", json!(plan.steps.len())),
         ("travel_deg", json!(plan.travel_deg)),
     ];
-    let meta = meta.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    let chosen = plan.chosen.map(|chosen| ("chosen_of", json!(chosen.of)));
+    let meta = meta.into_iter().chain(chosen).map(|(key, value)| (key.to_owned(), value)).collect();
     Table { meta, columns }
 }

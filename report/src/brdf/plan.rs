@@ -1,10 +1,12 @@
 //! Plan of the measurement of a sample: text, summary, table, hemispheres.
 
+use super::goniometer::hours;
 use super::hemispheres;
 use crate::{Product, json_of, rounded};
 use serde::Serialize;
 use std::fmt::Write as _;
-use sunglint_materials::plan::{Plan, to_table};
+use sunglint_formats::text::counted;
+use sunglint_materials::plan::{Chosen, Plan, to_table};
 use sunglint_radiometry::light_curve::Input;
 
 fn reachable(plan: &Plan) -> usize {
@@ -23,7 +25,30 @@ struct PlanJson<'a> {
     travel_deg: f64,
     unordered_travel_deg: f64,
     rig: Option<RigJson>,
+    budget: Option<BudgetJson>,
     inputs: &'a [Input],
+}
+
+#[derive(Serialize)]
+struct BudgetJson {
+    directions: usize,
+    references: Option<usize>,
+    instrument: Option<usize>,
+    instrument_s: Option<f64>,
+    estimate_s: Option<f64>,
+}
+
+impl BudgetJson {
+    fn new(chosen: &Chosen) -> Self {
+        let times = chosen.times;
+        Self {
+            directions: chosen.of,
+            references: times.map(|t| t.references),
+            instrument: times.map(|t| t.instrument),
+            instrument_s: times.map(|t| rounded(t.own_s)),
+            estimate_s: times.map(|t| rounded(t.total_s)),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -57,6 +82,7 @@ pub fn product(made: &Plan, inputs: &[Input]) -> Product {
             most_theta_o_deg: rig.most_theta_o_deg,
             mark_deg: rig.mark_deg,
         }),
+        budget: made.chosen.as_ref().map(BudgetJson::new),
         inputs,
     });
     Product {
@@ -72,15 +98,36 @@ pub fn product(made: &Plan, inputs: &[Input]) -> Product {
 pub fn text(plan: &Plan) -> String {
     let reachable = reachable(plan);
     let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{} measurements give {reachable} of {} cells of the file's grid",
-        plan.steps.len(),
-        plan.cells.len()
-    );
+    let count = plan.steps.len();
+    let _ = match &plan.chosen {
+        None => writeln!(
+            text,
+            "{count} measurements give {reachable} of {} cells of the file's grid",
+            plan.cells.len()
+        ),
+        Some(chosen) => writeln!(
+            text,
+            "{count} of {} directions that the bench reaches: those that lower the doubt of all most",
+            chosen.of
+        ),
+    };
+    if let Some(times) = plan.chosen.and_then(|chosen| chosen.times) {
+        let _ = writeln!(
+            text,
+            "about {} on the bench: {} for the directions with {} looks at the reference, {} for {} of the instrument itself",
+            hours(times.total_s),
+            hours(times.total_s - times.own_s),
+            times.references,
+            hours(times.own_s),
+            counted(times.instrument, "measurement"),
+        );
+    }
     for (p, phi) in plan.phi_i_rad.iter().enumerate() {
         for (t, theta) in plan.theta_i_rad.iter().enumerate() {
             let steps = plan.steps.iter().filter(|s| s.incident == [p, t]).count();
+            if steps == 0 && plan.chosen.is_some() {
+                continue;
+            }
             let azimuth = match plan.phi_i_rad.len() {
                 1 => String::new(),
                 _ => format!(", azimuth {:7.2}°", phi.to_degrees()),
