@@ -285,7 +285,10 @@ fn campaign_solve_field() {
     }
     let widths = campaign.column("width_deg");
     let (judged, offs) = (campaign.column("program"), campaign.column("off_arcsec"));
-    for width in if is_part { WIDTHS_OF_PART } else { PROGRAM_WIDTHS }.split(',').map(|width| width.parse::<f64>().unwrap()) {
+    for width in if is_part { WIDTHS_OF_PART } else { PROGRAM_WIDTHS }
+        .split(',')
+        .map(|width| width.parse::<f64>().unwrap())
+    {
         let of: Vec<usize> = (0..widths.len()).filter(|i| widths[*i] == width).collect();
         let mut off: Vec<f64> = of.iter().map(|i| offs[*i]).filter(|off| *off >= 0.0).collect();
         off.sort_by(f64::total_cmp);

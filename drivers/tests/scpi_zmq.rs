@@ -306,7 +306,7 @@ enum Slip {
 struct Rep {
     heard: Vec<u8>,
     said: VecDeque<(Duration, u8)>,
-    /// What came of this connection: nothing, the greeting, the handshake.
+    /// Outcome of this connection: nothing, the greeting, the handshake.
     stage: u8,
     closed: bool,
     answers: u32,

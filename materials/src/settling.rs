@@ -13,7 +13,7 @@ const OVER_SCATTER: f64 = 30.0;
 /// Least places that tell anything, and how many are kept.
 const PLACES: usize = 12;
 const KEPT: usize = 48;
-/// Of so many places one is looked at: the others add to it.
+/// One of so many places is looked at: the others add to it.
 const EACH: usize = 4;
 /// How many standard deviations the part that is left must have, and how many times [`LEFT`] it must be.
 const SIGMAS: f64 = 6.0;
@@ -60,7 +60,7 @@ impl Settling {
         plan_s.max(self.found_s)
     }
 
-    /// What was put into the beam was changed, at a time that nobody knows: the next step is none that the readings follow.
+    /// Something else was put into the beam, at a time that nobody knows: the next step is none that the readings follow.
     pub fn other_light(&mut self) {
         self.before_w = None;
     }

@@ -1,6 +1,6 @@
 //! A plan of few measurements: those of its directions that tell most about all of them.
 //!
-//! What a sample is beside its NDF is taken for a Gaussian process in angles that do not change when light and detector are swapped: of the bisector, along which a lobe's share of the normals counts (so that
+//! A sample's part beside its NDF is taken for a Gaussian process in angles that do not change when light and detector are swapped: of the bisector, along which a lobe's share of the normals counts (so that
 //! the choice is as dense as the lobe is narrow), of the difference, and |cosθ_i − cosθ_o|. Each step takes the direction that lowers the mean variance of all directions of the plan most
 //! (Seo et al., IJCNN 2000; Krause, Singh and Guestrin, JMLR 9, 235, 2008).
 
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 use sunglint_numerics::progress::{Cancelled, Progress};
 
-/// As many neighbours are interpolated between.
+/// Neighbours that are interpolated between.
 pub const LEAST: usize = 24;
 /// Directions in which the variance is looked at, at most.
 const LOOKS: usize = 600;

@@ -302,10 +302,8 @@ fn a_counter_of_a_table_counts_what_it_says() {
     };
     counter.fibre = None;
     counter.dark_rate_hz = 500.0;
-    counter.dead_time = station::DeadTime::Table {
-        measured_hz: vec![9e3, 7e4, 8e4],
-        true_hz: vec![1e4, 1e5, 2e5],
-    };
+    counter.dead_time =
+        station::DeadTime::Table { measured_hz: vec![9e3, 7e4, 8e4], true_hz: vec![1e4, 1e5, 2e5] };
     for (light_hz, counted) in
         [(4_500.0, 4_500.0), (54_500.0, 9e3 + 45.0 / 90.0 * 6.1e4), (1e6, 8e4)]
     {

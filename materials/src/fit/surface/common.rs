@@ -10,6 +10,8 @@ use sunglint_numerics::order::quantile;
 
 /// Half-width of a 95 % interval over the standard deviation.
 const HALF: f64 = 1.96;
+/// Largest part of a law that is taken to be stray light.
+const MOST_STRAY: f64 = 0.95;
 /// Numbers that all light of their part is in proportion to.
 const STRENGTHS: [&str; 3] = ["share", "mirror_share", "diffuse"];
 
@@ -45,8 +47,12 @@ impl Common<'_> {
         let is_seen = all().any(|(_, _, r)| r == region);
         let rows = || all().filter(|(_, _, r)| *r == region || !is_seen);
         let radius = self.cone.radius_rad();
-        // The interval is to hold nearly all samples of the region: what is darkest decides.
-        let dark = rows().map(|(i, o, _)| (self.additive(o.z) / self.seen(i, o, radius)).ln_1p());
+        // The interval is to hold nearly all samples of the region: what is darkest decides. Where all of the law may be stray light the surface may have nearly nothing.
+        let part = |(i, o, _): (DVec3, DVec3, Region)| {
+            let part = self.additive(o.z) / self.seen(i, o, radius);
+            (-(-part.min(MOST_STRAY)).ln_1p()).max(part.ln_1p())
+        };
+        let dark = rows().map(part);
         let mut dark: Vec<f64> = dark.collect();
         dark.sort_by(f64::total_cmp);
         let additive = if dark.is_empty() { 0.0 } else { quantile(&dark, 0.95) };
@@ -90,7 +96,7 @@ impl Common<'_> {
         own.hypot(self.instrument.scale_sigma).hypot(stray)
     }
 
-    /// What was not measured, and diffuse light that may be stray light.
+    /// Quantities that were not measured, and diffuse light that may be stray light.
     pub fn flaws(&self, numbers: &[Number]) -> Vec<Flaw> {
         let mut flaws = not_measured(self.instrument);
         let diffuse = numbers.iter().find(|n| n.name == "diffuse");

@@ -94,7 +94,7 @@ impl Default for SurfaceOptions {
 }
 
 impl SurfaceOptions {
-    /// As usual, with what the table says of its instrument: the detector's cone, the source, and the error that does not grow with the value.
+    /// Usual options, with what the table says of its instrument: the detector's cone, the source, and the error that does not grow with the value.
     #[must_use]
     pub fn of(samples: &Samples) -> Self {
         let mut options = Self::default();
@@ -307,7 +307,7 @@ pub enum Flaw {
     DiffuseMayBeStray {
         /// Reflectance of the diffuse part.
         diffuse: f64,
-        /// What may be left of stray light, sr⁻¹.
+        /// Stray light that may be left, sr⁻¹.
         stray_per_sr: f64,
     },
 }

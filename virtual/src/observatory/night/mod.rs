@@ -31,7 +31,7 @@ pub struct ChannelTruth {
     pub instrument: Instrument,
 }
 
-/// What a counter counts of steady light, from a table. It says nothing of the gaps between counts: they are as random as those of photons.
+/// Counts of a counter in steady light, from a table. It says nothing of the gaps between counts: they are as random as those of photons.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CountTable {
     /// Rates that arrive, dark events among them, Hz, rising.
