@@ -219,12 +219,14 @@ fn campaign_budget() {
     let most = |ratios: &[f64]| ratios.iter().copied().fold(0.0, f64::max);
     let names = ["doubt", "doubt_90", "error", "error_95"];
     let [doubt, doubt_90, error, error_95] = names.map(|name| most(&ratios(name)));
+    let of_alpha: Vec<(f64, f64)> = column("alpha").into_iter().zip(ratios("error")).collect();
     let held = column("few_held");
     let held = held.iter().sum::<f64>() / held.len() as f64;
     eprintln!(
         "at most: doubt {doubt:.2} {doubt_90:.2}, error {error:.2} {error_95:.2}; held {held:.3}"
     );
     assert!(column("few").iter().all(|n| *n == 200.0));
+    let least = if campaign.is_whole() { 0.95 } else { 0.9 };
     campaign.largest("doubt_over_usual", doubt);
     campaign.largest("doubt_90_over_usual", doubt_90);
     campaign.largest("error_over_usual", error);
@@ -232,14 +234,14 @@ fn campaign_budget() {
     campaign.finish();
     assert!(doubt <= 3.0 && doubt_90 <= 3.0, "{doubt} {doubt_90}");
     let (mut narrow, mut wide) = (Vec::new(), Vec::new());
-    for (alpha, ratio) in column("alpha").iter().zip(ratios("error")) {
-        if *alpha < 0.1 { narrow.push(ratio) } else { wide.push(ratio) }
+    for (alpha, ratio) in of_alpha {
+        if alpha < 0.1 { narrow.push(ratio) } else { wide.push(ratio) }
     }
     assert!(most(&wide) <= 3.0 && quantile(&mut narrow, 0.5) <= 3.0, "{wide:?} {narrow:?}");
-    assert!(held >= 0.95, "{held}");
+    assert!(held >= least, "{held}");
 }
 
-/// An isotropic sample on one side of the plane of incidence. Promises: at most 55 % of the directions of both sides, at a stated doubt and a true error that are at most 5 % larger.
+/// An isotropic sample on one side of the plane of incidence. Promises: at most 55 % of the directions of both sides, at a stated doubt that is at most 5 % larger and a true error at most 25 % (half of the noise's squares would be 41 %).
 #[test]
 fn one_side_says_what_both_say() {
     let options = metal(0.15, 7);
@@ -256,4 +258,5 @@ fn one_side_says_what_both_say() {
     eprintln!("{few:.4?}\n{many:.4?}");
     assert!(few.measured as f64 <= 0.55 * many.measured as f64, "{few:?} {many:?}");
     assert!(few.doubt[0] <= 1.05 * many.doubt[0], "{few:?} {many:?}");
+    assert!(few.error[0] <= 1.25 * many.error[0], "{few:?} {many:?}");
 }
