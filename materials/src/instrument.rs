@@ -33,7 +33,8 @@ pub struct TableInstrument {
 fn value(meta: &Meta, key: &str, keyword: &str) -> Option<Value> {
     let found = meta.get(key).or_else(|| meta.get(keyword))?;
     match found.as_str() {
-        Some(text) => serde_json::from_str(text).ok(),
+        // A text that is none of JSON is told as what it is where a number is wanted.
+        Some(text) => Some(serde_json::from_str(text).unwrap_or_else(|_| Value::from(text))),
         None => Some(found.clone()),
     }
 }
@@ -49,6 +50,7 @@ impl TableInstrument {
             .into_iter()
             .flatten()
             .filter_map(|text| Some(text.as_str()?.to_owned()))
+            .chain(it["missing"].as_str().map(str::to_owned))
             .collect();
         // A number that is none is as good as one that is not there, and is named as that.
         let mut number = |name: &str, found: Option<&Value>, most: f64| {
@@ -76,7 +78,10 @@ impl TableInstrument {
         let shared = number("the dark, instrument.common_additive_per_sr", shared, 1e9);
         let stray = it.get("stray_bound_per_sr");
         let stray = number("stray light, instrument.stray_bound_per_sr", stray, 1e9);
-        let axis = |name: &str| it["zeros"][name].get(1).and_then(Value::as_f64).unwrap_or(0.0);
+        let mut axis = |name: &str| {
+            let of = format!("the axes' zeros, instrument.zeros.{name}");
+            number(&of, it["zeros"][name].get(1), MOST_DEG).unwrap_or(0.0)
+        };
         let zero_sigma_deg = axis("sample_deg").hypot(axis("detector_deg"));
         Some(Self {
             cone_half_angle_deg,

@@ -75,7 +75,14 @@ impl Settling {
         let (before, start) = (before?, readings.first()?.0);
         let scale = before.abs().max(level.abs());
         let step = (before - level) / scale;
-        if !is_step || readings.len() < 3 || !step.is_finite() || step.abs() < LEAST_STEP {
+        // A reading over the range has no number.
+        let is_whole = readings.iter().all(|(_, w)| w.is_finite());
+        if !is_step
+            || !is_whole
+            || readings.len() < 3
+            || !step.is_finite()
+            || step.abs() < LEAST_STEP
+        {
             return None;
         }
         if self.places.len() == KEPT {

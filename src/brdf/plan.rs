@@ -49,7 +49,7 @@ pub struct PlanArgs {
     #[arg(long, value_name = "DEG")]
     pub most_theta_i_deg: Option<f64>,
     /// A rig that turns in the plane of incidence, by hand to marks, and shades itself at small phase angles
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["measurements", "hours"])]
     pub rig: bool,
     /// The rig's least angle between lamp and detector [default: 30]
     #[arg(long, value_name = "DEG", requires = "rig")]
@@ -124,7 +124,8 @@ pub(super) fn run(args: &PlanArgs, console: Console) -> anyhow::Result<()> {
         (Some(_), Some(path)) => {
             let (document, others) = read::document(path)?;
             inputs.extend(others);
-            Some(Bench::new(&document, None)?)
+            // Of a virtual bench only its name is in the file, and a plan needs no more.
+            Some(Bench::new(&document, Some(""))?)
         }
         (Some(_), None) => Some(Bench::new(&Document::new("bench", USUAL_BENCH)?, Some(""))?),
     };

@@ -78,6 +78,9 @@ impl<V: Copy + PartialEq> Pace<V> {
     /// Measures the time anew before the next reading: a setting has changed it.
     pub fn forget(&mut self) {
         self.due = self.last.is_some();
+        // What was found before no longer holds, also where the next look finds nothing.
+        self.measured = None;
+        (self.changes, self.again, self.differed) = (0, 0, 0);
     }
 
     pub fn period(&self) -> Duration {

@@ -209,7 +209,7 @@ pub fn assemble(
     let instrument = said.clone().unwrap_or_default();
     warnings.extend(instrument.missing.iter().map(|what| {
         format!(
-            "the instrument was not measured whole: {what}. The material's doubt is wider for it"
+            "the instrument was not measured whole: {what}. The material's doubt knows of the scale and of an unknown source, not of stray light or of the axes' zeros"
         )
     }));
     for slice in &slices {

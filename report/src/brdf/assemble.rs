@@ -174,9 +174,15 @@ pub fn text(made: &Assembled) -> String {
     if let Some(it) = &made.instrument {
         let _ = writeln!(
             text,
-            "of the instrument all values share {:.2} % (scale); its cone and source of {:.3}° are taken back; both are in the doubts",
+            "of the instrument all values share {:.2} % (scale), which is in the doubts; {}",
             100.0 * it.scale_sigma,
-            it.blur_rad().to_degrees()
+            match it.blur_rad() {
+                blur if blur > 0.0 => format!(
+                    "its cone and source of {:.3}° are taken back, which is in the doubts, too",
+                    blur.to_degrees()
+                ),
+                _ => "its cone and source are not known".to_owned(),
+            }
         );
         for what in &it.missing {
             let _ = writeln!(text, "not measured: {what}");

@@ -551,12 +551,12 @@ impl Work {
             self.gather(sight, i, Toward::Far(sun), 0);
         }
         self.done.shadows += open.shadows + self.shadows.len();
-        self.outlines_m2 += open.outlines_m2;
         if self.shadows.len() > MANY {
             // They are shared out among parts of the facet: all of them.
             self.gather(sight, i, Toward::Far(to), 1);
             return self.clip(outline, touching);
         }
+        self.outlines_m2 += open.outlines_m2;
         self.pieces.clear();
         if open.cut {
             open.pieces.iter().for_each(|piece| self.pieces.push(piece));

@@ -298,7 +298,7 @@ pub enum Flaw {
         /// Root mean square of ln f(i, o)/f(o, i).
         rms_ln: f64,
     },
-    /// A quantity of the instrument that was not measured: the doubt is wider for it.
+    /// A quantity of the instrument that was not measured. The doubt of a composite is wider for it; that of a law of one lobe is only for the scale.
     NotMeasured {
         /// Name of the quantity, and what is assumed instead.
         quantity: String,
@@ -387,7 +387,7 @@ impl fmt::Display for Flaw {
                 100.0 * rms_ln.exp_m1()
             ),
             Self::NotMeasured { quantity } => {
-                write!(f, "the instrument was not measured whole: {quantity}. The doubt is wider for it")
+                write!(f, "the instrument was not measured whole: {quantity}")
             }
             Self::DiffuseMayBeStray { diffuse, stray_per_sr } => write!(
                 f,
