@@ -271,7 +271,7 @@ impl Tally {
 /// interval is gone through, and intervals may be wide but must cover.
 #[test]
 fn campaign_sphere_fits() {
-    let mut campaign = Campaign::with_part("sphere_fits", 100, 1);
+    let mut campaign = Campaign::with_part("sphere_fits", 100, 2);
     let spheres = [(Sphere::calsphere(), CALSPHERE_4A, false), (Sphere::lcs(), LCS_1, true)];
     let start = std::time::Instant::now();
     let mut fits = 0;
