@@ -15,7 +15,7 @@ const PLACES: usize = 12;
 const KEPT: usize = 48;
 /// One of so many places is looked at: the others add to it.
 const EACH: usize = 4;
-/// How many standard deviations the part that is left must have, and how many times [`LEFT`] it must be.
+/// Least part that is left, in its standard deviations and in [`LEFT`].
 const SIGMAS: f64 = 6.0;
 const CLEAR: f64 = 2.0;
 

@@ -15,7 +15,7 @@ const LOOK: Duration = Duration::from_secs(3);
 const LOOK_ON: Duration = Duration::from_secs(8);
 /// Pause between two questions while changes are waited for, beside the time that the line takes.
 const PAUSE: Duration = Duration::from_millis(5);
-/// How long a value is waited for that differs from the last one.
+/// Longest wait for a value that differs from the last one.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Time from one value of a meter that measures by itself to the next.

@@ -10,7 +10,7 @@ use sunglint_numerics::progress::Progress;
 /// Limit of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
-    /// So many directions.
+    /// Number of directions.
     Directions(usize),
     /// Time of the whole run, the instrument's own measurements included, hours.
     Hours(f64),

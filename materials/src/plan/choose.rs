@@ -16,9 +16,9 @@ use sunglint_numerics::progress::{Cancelled, Progress};
 pub const LEAST: usize = 24;
 /// Directions in which the variance is looked at, at most.
 const LOOKS: usize = 600;
-/// Over these distances what a sample is beside its NDF changes: the bisector's place (0 to 1), the difference's angle over 90°, half of |cosθ_i − cosθ_o|.
+/// Distances over which that departure changes: the bisector's place (0 to 1), the difference's angle over 90°, half of |cosθ_i − cosθ_o|.
 const LENGTHS: [f64; 3] = [0.25, 0.2, 0.15];
-/// How far it is from the NDF's law, ln f rms, and the noise of a measurement.
+/// Departure of a sample from its NDF's law, ln f rms, and the noise of a measurement.
 const PRIOR: f64 = 0.3;
 const NOISE: f64 = 0.01;
 
