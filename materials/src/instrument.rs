@@ -4,9 +4,16 @@
 //! programs have none of it, or an instrument's name as text, which says nothing here.
 
 use crate::samples::Samples;
+use glam::{DQuat, DVec3};
 use serde::Serialize;
 use serde_json::Value;
+use std::f64::consts::PI;
 use sunglint_formats::Meta;
+
+/// Half-width of a 95 % interval over the standard deviation.
+pub(crate) const HALF: f64 = 1.96;
+/// Largest part of a value that is taken to be stray light.
+const MOST_STRAY: f64 = 0.95;
 
 /// An instrument as a table says it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -100,6 +107,34 @@ impl TableInstrument {
     pub fn blur_rad(&self) -> f64 {
         let [cone, source] = [self.cone_half_angle_deg, self.source_half_angle_deg];
         cone.unwrap_or(0.0).hypot(source.unwrap_or(0.0)).to_radians()
+    }
+
+    /// Half-width of the 95 % interval of light that all values towards a direction have too much or too little, sr⁻¹: the dark level, and stray light, which f has over cosθ_o.
+    #[must_use]
+    pub fn shared_per_sr(&self, cos_o: f64) -> f64 {
+        let stray = self.stray_bound_per_sr.unwrap_or(0.0) / cos_o.max(1e-3);
+        (HALF * self.common_additive_per_sr).hypot(stray)
+    }
+
+    /// The same of ln f where f is a value, sr⁻¹. Where all of a value may be stray light the surface may have nearly nothing.
+    #[must_use]
+    pub fn shared_ln(&self, value_per_sr: f64, cos_o: f64) -> f64 {
+        let part = self.shared_per_sr(cos_o) / value_per_sr;
+        (-(-part.min(MOST_STRAY)).ln_1p()).max(part.ln_1p())
+    }
+
+    /// Standard deviation of the logarithm of a diffuse reflectance by that light.
+    #[must_use]
+    pub fn diffuse_sigma_ln(&self, reflectance: f64) -> f64 {
+        PI * self.shared_per_sr(1.0) / HALF / reflectance
+    }
+
+    /// Directions of the observer as far aside in the plane of incidence as the axes' zeros are uncertain (one standard deviation), above the horizon.
+    pub fn aside(&self, i: DVec3, o: DVec3) -> impl Iterator<Item = DVec3> {
+        let across = DVec3::Z.cross(i).try_normalize().unwrap_or(DVec3::Y);
+        let angle = self.zero_sigma_deg.to_radians();
+        let turned = [angle, -angle].map(|angle| DQuat::from_axis_angle(across, angle) * o);
+        turned.into_iter().filter(move |o| angle > 0.0 && o.z > 1e-3)
     }
 
     /// Whether the width of the source was not measured, so that the blur may be more than [`Self::blur_rad`].

@@ -10,6 +10,7 @@ use sunglint_drivers::device::{InBeam, RotationStage};
 use sunglint_formats::toml::Document;
 use sunglint_materials::assemble::{AssembleOptions, Assembled, assemble, not_measured};
 use sunglint_materials::fit::surface::{Flaw, SurfaceFit, SurfaceOptions, fit_surface};
+use sunglint_materials::fit::{self, FitOptions, Law, LobeKind, to_toml};
 use sunglint_materials::goniometer::bench::Bench;
 use sunglint_materials::goniometer::line::Line;
 use sunglint_materials::goniometer::measure::{Rig, RunError, done, measure};
@@ -590,6 +591,12 @@ fn a_missing_signature_is_named_by_laws_and_materials() {
     assert!(least(&blind_made) > 0.1 && least(&made) < 0.05);
     let albedo = |made: &Assembled| made.coverage[0].albedo_doubt;
     assert!(albedo(&blind_made) > 0.1, "{} {}", albedo(&made), albedo(&blind_made));
+    // So do laws of one lobe: flaws, the material's file, and the table.
+    let lobe = LobeKind::Ggx;
+    let laws = vec![Law { lobe, anisotropic: false, schlick: false, diffuse: true }];
+    let one = fit::fit(&found.samples, &FitOptions { laws, ..FitOptions::default() }).unwrap();
+    assert!(named(&one.flaws.iter().map(ToString::to_string).collect::<Vec<_>>()));
+    assert!(to_toml(&one, &one.laws[0], "x", None).contains("the signature"));
     // The file says it, too.
     assert!(named(&not_measured(&blind_made.file)) && not_measured(&made.file).is_empty());
 }

@@ -8,7 +8,7 @@
 
 use super::near::{Known, Near, Point, Tree, apart};
 use crate::fit::surface::disc;
-use crate::instrument::TableInstrument;
+use crate::instrument::{HALF, TableInstrument};
 use crate::ndf::Ndf;
 use crate::samples::{Samples, turned};
 use glam::DVec3;
@@ -224,8 +224,8 @@ pub(super) struct Field<'a> {
     left_out: Vec<[f64; HOLES.len()]>,
     /// The mean of that.
     left_out_mean: [f64; HOLES.len()],
-    /// By sample: the possible error of ln f by what was taken back of the instrument's blur.
-    blur: Vec<f64>,
+    /// By sample: the possible error of ln f by what the instrument leaves unknown: the blur that was taken back, stray light and the dark, and the axes' zeros.
+    unknown: Vec<f64>,
     /// Half-width of the 95 % interval of ln f by what all values share.
     shared: f64,
 }
@@ -304,11 +304,20 @@ impl<'a> Field<'a> {
         let share = plain.iter().map(|l| share(&base, *l)).collect();
         // The law may not be the surface's: half of what was taken back; a source that nobody has seen may be as wide as the cone, which blurs as much once more.
         let part = if instrument.is_source_unknown() { 1.0 } else { 0.5 };
-        let blurred = |(plain, seen): (&Glint, &Glint)| {
-            let ln = |base: &Base| (base.at(*seen) / base.at(*plain)).ln().abs();
-            part * base.iter().map(ln).fold(0.0, f64::max)
+        let apart = |a: Glint, b: Glint| {
+            base.iter().map(|base| (base.at(a) / base.at(b)).ln().abs()).fold(0.0, f64::max)
         };
-        let blur = plain.iter().zip(&lobe).map(blurred).collect();
+        let of_sample = |k: usize| {
+            let (i, o) = directions[k];
+            let values = &value[k * wavelengths..(k + 1) * wavelengths];
+            let darkest = values.iter().copied().fold(f64::INFINITY, f64::min).exp();
+            let aside = instrument.aside(i, o).map(|o| microfacets.glint_through(i, o, radius));
+            let zero = aside.map(|aside| apart(aside, lobe[k])).fold(0.0, f64::max);
+            (part * apart(lobe[k], plain[k]))
+                .hypot(instrument.shared_ln(darkest, o.z))
+                .hypot(HALF * zero)
+        };
+        let unknown = (0..directions.len()).into_par_iter().map(of_sample).collect();
         let points: Vec<Point> =
             directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
         let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
@@ -343,7 +352,7 @@ impl<'a> Field<'a> {
             differs,
             left_out: Vec::new(),
             left_out_mean: [0.0; HOLES.len()],
-            blur,
+            unknown,
             shared: 2.0 * instrument.scale_sigma,
         };
         field.leave_out(&directions);
@@ -604,11 +613,11 @@ impl<'a> Field<'a> {
         stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
     }
 
-    /// Returns the possible error of ln f by what the instrument leaves unknown, which no sample tells: the scale that all values share, and the blur that was taken back of those around.
+    /// Returns the possible error of ln f by what the instrument leaves unknown, which no sample tells: the scale that all values share, and what those around have.
     fn of_instrument(&self, stencil: &Stencil) -> f64 {
         let all: f64 = stencil.parts.iter().map(|(_, w)| w.abs()).sum();
-        let blur: f64 = stencil.parts.iter().map(|(row, w)| w.abs() * self.blur[*row]).sum();
-        self.shared.hypot(if all > 0.0 { blur / all } else { 0.0 })
+        let unknown: f64 = stencil.parts.iter().map(|(row, w)| w.abs() * self.unknown[*row]).sum();
+        self.shared.hypot(if all > 0.0 { unknown / all } else { 0.0 })
     }
 
     /// Returns the possible error of ln f, the largest over the wavelengths, what the instrument leaves unknown among it. Between samples: what those around are off by when they are left out, and what the file's grid is good

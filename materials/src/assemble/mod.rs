@@ -115,7 +115,7 @@ pub struct Coverage {
     pub extrapolated_albedo: f64,
     /// The largest over the wavelengths.
     pub largest_albedo: f64,
-    /// Possible error of the albedo by what is extrapolated and by the scale that all values share, as a part of it.
+    /// Possible error of the albedo by what is extrapolated, and by the scale and the stray light that all values share, as a part of it.
     pub albedo_doubt: f64,
     /// Smallest factor that extrapolated cells were multiplied by, for energy's sake: 1 where they were not lowered.
     pub lowered: f64,
@@ -209,7 +209,7 @@ pub fn assemble(
     let instrument = said.clone().unwrap_or_default();
     warnings.extend(instrument.missing.iter().map(|what| {
         format!(
-            "the instrument was not measured whole: {what}. The material's doubt knows of the scale and of an unknown source, not of stray light or of the axes' zeros"
+            "the instrument was not measured whole: {what}. The material's doubt is wider for it"
         )
     }));
     for slice in &slices {
@@ -222,9 +222,12 @@ pub fn assemble(
         }
     }
     let file = file(samples, &grids, (&theta_i, &phi_i), (&slices, &instrument), options);
-    // What all values share moves every albedo.
+    // What all values share moves every albedo; stray light is f over cosθ_o, so that all of the hemisphere has it.
     let shared = (2.0 * instrument.scale_sigma).exp_m1();
-    let with_shared = |c: Coverage| Coverage { albedo_doubt: c.albedo_doubt.hypot(shared), ..c };
+    let with_shared = |c: Coverage| {
+        let stray = TAU * instrument.shared_per_sr(1.0) / c.albedo.max(f64::MIN_POSITIVE);
+        Coverage { albedo_doubt: c.albedo_doubt.hypot(shared).hypot(stray), ..c }
+    };
     let coverage: Vec<Coverage> = slices.iter().map(|s| with_shared(s.coverage)).collect();
     let doubts = doubt::by_direction(&field, &coverage, microfacets.is_isotropic());
     Ok(Assembled {
@@ -239,17 +242,17 @@ pub fn assemble(
     })
 }
 
-/// Before the name of each quantity of the instrument that was not measured, in a file's description.
-const NOT_MEASURED: &str = "; not measured: ";
+/// The tensor that names the instrument's quantities that were not measured, a line each.
+const NOT_MEASURED: &str = "not_measured";
 
-/// Quantities of the instrument that were not measured, as the description of an assembled file names them.
+/// Quantities of the instrument that were not measured, as an assembled file names them.
 #[must_use]
 pub fn not_measured(file: &TensorFile) -> Vec<String> {
-    let description = file.get("description").map(|tensor| &tensor.data);
-    let Some(TensorData::U8(bytes)) = description else { return Vec::new() };
-    let text = String::from_utf8_lossy(bytes);
-    let said = text.split(NOT_MEASURED).skip(1);
-    said.map(|what| format!("the instrument was not measured whole: {what}")).collect()
+    let Some(Tensor { data: TensorData::U8(bytes), .. }) = file.get(NOT_MEASURED) else {
+        return Vec::new();
+    };
+    let said = |what: &str| format!("the instrument was not measured whole: {what}");
+    String::from_utf8_lossy(bytes).lines().map(said).collect()
 }
 
 fn check(options: &AssembleOptions) -> Result<(), AssembleError> {
@@ -461,13 +464,10 @@ fn file(
         doubt.extend_from_slice(&slice.doubt);
     }
     let name = samples.meta.get("sample").and_then(|v| v.as_str()).unwrap_or("a sample");
-    let mut text = format!(
+    let text = format!(
         "{name}: {} directions, {nl} wavelengths, assembled by sunglint",
         samples.rows.len()
     );
-    for what in &instrument.missing {
-        text += &format!("{NOT_MEASURED}{what}");
-    }
     let (rows, columns) = grids.warp;
     let densities = [grids.ndf.rows, grids.ndf.columns];
     let bytes = |name: &str, shape: Vec<usize>, values: Vec<u8>| Tensor {
@@ -475,7 +475,7 @@ fn file(
         shape,
         data: TensorData::U8(values),
     };
-    let tensors = vec![
+    let mut tensors = vec![
         Tensor::u8("description", text.into_bytes()),
         Tensor::f32("theta_i", &[nt], single(theta_i)),
         Tensor::f32("phi_i", &[np], single(phi_i)),
@@ -490,5 +490,10 @@ fn file(
         bytes("extrapolated", vec![np, nt, side, side], extrapolated),
         Tensor::f32("ln_doubt", &[np, nt, side, side], doubt),
     ];
+    if !instrument.missing.is_empty() {
+        let one = |what: &String| what.replace(['\n', '\r'], " ");
+        let lines: Vec<String> = instrument.missing.iter().map(one).collect();
+        tensors.push(Tensor::u8(NOT_MEASURED, lines.join("\n")));
+    }
     TensorFile { tensors }
 }

@@ -119,7 +119,11 @@ pub fn fit(samples: &Samples, options: &FitOptions) -> Result<Fit, FitError> {
     });
     if let Some(instrument) = TableInstrument::of(samples) {
         fits.iter_mut().for_each(|fit| widen(fit, &instrument, used.len()));
-        flaws.extend(surface::not_measured(&instrument));
+        let diffuse = fits.first().and_then(|best| {
+            let is_diffuse = |p: &&Parameter| DIFFUSE.contains(&p.name);
+            best.parameters.iter().find(is_diffuse).map(|p| p.value)
+        });
+        flaws.extend(surface::of_instrument(&instrument, diffuse));
     }
     let independent = independent(used.len(), fits.first().map_or(0.0, |f| f.correlation));
     Ok(Fit { wavelength_nm, used, left_out, laws: fits, independent, flaws, notes })
@@ -637,13 +641,17 @@ fn rank(fits: &mut [LawFit], n: usize) {
 
 /// Numbers that all light of a law, or of its diffuse part, is in proportion to.
 const STRENGTHS: [&str; 5] = ["reflectance", "a_per_sr", "bias_per_sr", "volume", "diffuse"];
+/// Reflectances of diffuse light, which stray light looks like.
+const DIFFUSE: [&str; 2] = ["volume", "diffuse"];
 
-/// Widens the intervals of strengths for the scale that all values share: no number of values makes its error smaller.
+/// Widens the intervals of strengths for the scale that all values share, and those of diffuse light for the stray light in them: no number of values makes their error smaller.
 fn widen(fit: &mut LawFit, instrument: &TableInstrument, values: usize) {
     let dof = values.saturating_sub(fit.parameters.len()).max(1) as f64;
     let quantile = student_quantile(dof);
     for p in fit.parameters.iter_mut().filter(|p| STRENGTHS.contains(&p.name)) {
-        p.sigma_ln = p.sigma_ln.map(|own| own.hypot(instrument.scale_sigma));
+        let is_diffuse = DIFFUSE.contains(&p.name);
+        let stray = if is_diffuse { instrument.diffuse_sigma_ln(p.value) } else { 0.0 };
+        p.sigma_ln = p.sigma_ln.map(|own| own.hypot(instrument.scale_sigma).hypot(stray));
         if let (Some(sigma), Some(_)) = (p.sigma_ln, p.interval) {
             let half = (quantile * sigma).exp();
             p.interval = Some((p.value / half, p.value * half));

@@ -39,7 +39,8 @@ pub fn to_table(fit: &Fit) -> Table {
         number("weight", &|(law, _)| law.weight),
         number("rms_ln", &|(law, _)| law.rms),
     ];
-    let notes: Vec<String> = fit.notes.iter().map(ToString::to_string).collect();
+    let notes = fit.notes.iter().map(ToString::to_string);
+    let notes: Vec<String> = notes.chain(fit.flaws.iter().map(ToString::to_string)).collect();
     let albedo = |law: &LawFit| -> Value {
         law.albedo.iter().map(|(deg, e)| json!({ "theta_i_deg": deg, "albedo": e })).collect()
     };
@@ -92,10 +93,16 @@ pub fn to_toml(fit: &Fit, law: &LawFit, name: &str, index_name: Option<&str>) ->
     let p = law.values();
     let mut text = String::new();
     let quoted = |s: &str| format!("{s:?}");
+    // A line each: none of them can end the comment.
+    let flaws: String = fit
+        .flaws
+        .iter()
+        .map(|f| format!("# {}\n", f.to_string().replace(['\n', '\r'], " ")))
+        .collect();
     let _ = writeln!(
         text,
         "# {} through {} values at {} nm, residuals of ln f {:.3} (rms); written by `sunglint brdf fit`.\n\
-         # The reflectances are those of that wavelength.\n[[material]]\nname = {}",
+         # The reflectances are those of that wavelength.\n{flaws}[[material]]\nname = {}",
         law.law.name(),
         fit.used.len(),
         fit.wavelength_nm,

@@ -3,15 +3,11 @@
 use super::judge::{Incidence, Region};
 use super::model::{Cone, Surface, disc};
 use super::{Doubt, Flaw, Number};
-use crate::instrument::TableInstrument;
+use crate::instrument::{HALF, TableInstrument};
 use glam::DVec3;
 use std::f64::consts::PI;
 use sunglint_numerics::order::quantile;
 
-/// Half-width of a 95 % interval over the standard deviation.
-const HALF: f64 = 1.96;
-/// Largest part of a law that is taken to be stray light.
-const MOST_STRAY: f64 = 0.95;
 /// Numbers that all light of their part is in proportion to.
 const STRENGTHS: [&str; 3] = ["share", "mirror_share", "diffuse"];
 
@@ -29,12 +25,6 @@ impl Common<'_> {
         self.surface.seen(i, o, &disc(o, radius), 0.5 * radius * radius).max(f64::MIN_POSITIVE)
     }
 
-    /// The error that does not grow with the value and that all values share, half-width of its 95 % interval at a direction, sr⁻¹.
-    fn additive(&self, cos: f64) -> f64 {
-        let stray = self.instrument.stray_bound_per_sr.unwrap_or(0.0) / cos.max(1e-3);
-        (HALF * self.instrument.common_additive_per_sr).hypot(stray)
-    }
-
     /// Half-width of the 95 % interval of ln f by what all samples of a region share; of a region without a sample that of all.
     fn of_region(&self, region: Region) -> f64 {
         let all = || {
@@ -47,22 +37,18 @@ impl Common<'_> {
         let is_seen = all().any(|(_, _, r)| r == region);
         let rows = || all().filter(|(_, _, r)| *r == region || !is_seen);
         let radius = self.cone.radius_rad();
-        // The interval is to hold nearly all samples of the region: what is darkest decides. Where all of the law may be stray light the surface may have nearly nothing.
+        // The interval is to hold nearly all samples of the region: what is darkest decides.
         let part = |(i, o, _): (DVec3, DVec3, Region)| {
-            let part = self.additive(o.z) / self.seen(i, o, radius);
-            (-(-part.min(MOST_STRAY)).ln_1p()).max(part.ln_1p())
+            self.instrument.shared_ln(self.seen(i, o, radius), o.z)
         };
         let dark = rows().map(part);
         let mut dark: Vec<f64> = dark.collect();
         dark.sort_by(f64::total_cmp);
         let additive = if dark.is_empty() { 0.0 } else { quantile(&dark, 0.95) };
-        let (sin, cos) = self.instrument.zero_sigma_deg.to_radians().sin_cos();
         let zero = super::rms(rows().map(|(i, o, _)| {
-            let aside = DVec3::new(o.x * cos + o.z * sin, o.y, o.z * cos - o.x * sin);
-            if sin == 0.0 || aside.z <= 1e-3 {
-                return 0.0;
-            }
-            (self.seen(i, aside, radius) / self.seen(i, o, radius)).ln()
+            let seen = self.seen(i, o, radius);
+            let off = |aside| (self.seen(i, aside, radius) / seen).ln().abs();
+            self.instrument.aside(i, o).map(off).fold(0.0, f64::max)
         }));
         // A source that nobody has seen may be as wide as the detector's cone.
         let wider = std::f64::consts::SQRT_2 * radius;
@@ -92,25 +78,29 @@ impl Common<'_> {
         if !STRENGTHS.contains(&name) {
             return own;
         }
-        let stray = if name == "diffuse" { PI * self.additive(1.0) / HALF / value } else { 0.0 };
+        let is_diffuse = name == "diffuse";
+        let stray = if is_diffuse { self.instrument.diffuse_sigma_ln(value) } else { 0.0 };
         own.hypot(self.instrument.scale_sigma).hypot(stray)
     }
 
     /// Quantities that were not measured, and diffuse light that may be stray light.
     pub fn flaws(&self, numbers: &[Number]) -> Vec<Flaw> {
-        let mut flaws = not_measured(self.instrument);
-        let diffuse = numbers.iter().find(|n| n.name == "diffuse");
-        // Stray light over cosθ_o, as it is left in f at 60°.
-        let stray_per_sr = self.additive(0.5);
-        if let Some(diffuse) = diffuse.filter(|n| n.value <= PI * stray_per_sr) {
-            flaws.push(Flaw::DiffuseMayBeStray { diffuse: diffuse.value, stray_per_sr });
-        }
-        flaws
+        let diffuse = numbers.iter().find(|n| n.name == "diffuse").map(|n| n.value);
+        of_instrument(self.instrument, diffuse)
     }
 }
 
-/// A flaw for each quantity that was not measured.
-pub(in crate::fit) fn not_measured(instrument: &TableInstrument) -> Vec<Flaw> {
+/// A flaw for each quantity that was not measured, and one for a diffuse part (its reflectance) that may be stray light.
+pub(in crate::fit) fn of_instrument(
+    instrument: &TableInstrument,
+    diffuse: Option<f64>,
+) -> Vec<Flaw> {
     let one = |quantity: &String| Flaw::NotMeasured { quantity: quantity.clone() };
-    instrument.missing.iter().map(one).collect()
+    let mut flaws: Vec<Flaw> = instrument.missing.iter().map(one).collect();
+    // Stray light over cosθ_o, as it is left in f at 60°.
+    let stray_per_sr = instrument.shared_per_sr(0.5);
+    if let Some(diffuse) = diffuse.filter(|d| *d <= PI * stray_per_sr) {
+        flaws.push(Flaw::DiffuseMayBeStray { diffuse, stray_per_sr });
+    }
+    flaws
 }

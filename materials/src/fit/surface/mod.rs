@@ -28,7 +28,7 @@ use super::{independent, saturated, student_quantile, wavelength};
 use crate::instrument::TableInstrument;
 use crate::samples::{Samples, turned};
 use common::Common;
-pub(super) use common::not_measured;
+pub(super) use common::of_instrument;
 use judge::{Incidence, Judge};
 pub(crate) use model::disc;
 use search::Candidate;
@@ -298,7 +298,7 @@ pub enum Flaw {
         /// Root mean square of ln f(i, o)/f(o, i).
         rms_ln: f64,
     },
-    /// A quantity of the instrument that was not measured. The doubt of a composite is wider for it; that of a law of one lobe is only for the scale.
+    /// A quantity of the instrument that was not measured. Doubts and intervals are wider for it.
     NotMeasured {
         /// Name of the quantity, and what is assumed instead.
         quantity: String,
