@@ -178,6 +178,7 @@ impl Orders {
         for set in &pairs.sets {
             paired.iter_mut().zip(set).for_each(|(sum, w)| *sum += w);
         }
+        let paired = Sparse::of(&paired);
         let light = |n: usize| {
             let node = &self.nodes[n];
             let (all, off) = self.spectral.at(n, &node.rho, &fine);
@@ -186,7 +187,7 @@ impl Orders {
             let by_factors = (all - known.by_patches[0]).max(0.0);
             let light = by_factors
                 + quadratic(&node.diffuse, &node.rho, &between)
-                + bilinear(&node.rho, &node.rho, &paired)
+                + paired.sum(&node.rho)
                 + known.light;
             let factors = factors * by_factors + off + known.error;
             (Found { light, left: 0.0, factors, chords: 0.0 }, known)
@@ -299,15 +300,24 @@ impl Straight {
         out
     }
 
-    /// Light that one diffuse patch alone scatters between rough surfaces, before all three reflectances: for each diffuse material, each channel of the observer's and of the Sun's.
-    fn between_rough(&self, [sun, eye]: [&End; 2]) -> Vec<Vec<f64>> {
+    /// Light that one diffuse patch alone scatters between rough surfaces, before all three reflectances: for each diffuse material, that of the observer's and the Sun's channels.
+    fn between_rough(&self, [sun, eye]: [&End; 2]) -> Vec<Sparse> {
         let count = sun.gain.fine.len();
-        let mut out = vec![vec![0.0; count * count]; self.materials];
-        for (a, v) in eye.gain.fine.iter().enumerate() {
+        let brings = |row: &&Vec<f64>| row.iter().any(|x| *x != 0.0);
+        let suns: Vec<&Vec<f64>> = sun.gain.fine.iter().filter(brings).collect();
+        let numbers: Vec<usize> = (0..count).filter(|c| brings(&&sun.gain.fine[*c])).collect();
+        let mut out = vec![Sparse::default(); self.materials];
+        let mut room = vec![0.0; self.materials * suns.len()];
+        for (a, v) in eye.gain.fine.iter().enumerate().filter(|(_, v)| brings(v)) {
+            room.fill(0.0);
             for (k, v) in v.iter().enumerate().filter(|(_, v)| **v != 0.0) {
                 let scale = FRAC_1_PI * self.area[k] * v;
-                let row = &mut out[self.material[k]][a * count..][..count];
-                row.iter_mut().zip(&sun.gain.fine).for_each(|(sum, e)| *sum += scale * e[k]);
+                let row = &mut room[self.material[k] * suns.len()..][..suns.len()];
+                row.iter_mut().zip(&suns).for_each(|(sum, e)| *sum += scale * e[k]);
+            }
+            for (out, row) in out.iter_mut().zip(room.chunks_exact(suns.len().max(1))) {
+                let all = numbers.iter().zip(row).filter(|(_, w)| **w != 0.0);
+                out.0.extend(all.map(|(b, w)| (a, *b, *w)));
             }
         }
         out
@@ -353,7 +363,7 @@ impl Node {
         ends: [&End; 2],
         pairs: &Pairs,
         vectors: &mut Vectors,
-        (known, paired): (&Known, &[f64]),
+        (known, paired): (&Known, &Sparse),
         found: &mut Found,
     ) {
         self.brought(ends, vectors);
@@ -361,9 +371,8 @@ impl Node {
         let straight = |end: usize| &ends[end].straight[1][..];
         let large = transport::between(eye, &self.coarse, sun);
         let large = (large - known.by_patches[1]).max(0.0) + known.light;
-        let coarse = large
-            + self.once([sun, eye], [straight(0), straight(1)])
-            + bilinear(&self.rho, &self.rho, paired);
+        let coarse =
+            large + self.once([sun, eye], [straight(0), straight(1)]) + paired.sum(&self.rho);
         found.left = (found.light - coarse).abs();
         if self.rho.is_empty() {
             return;
@@ -420,14 +429,27 @@ fn bilinear(a: &[f64], b: &[f64], matrix: &[f64]) -> f64 {
     matrix.chunks_exact(b.len().max(1)).zip(a).map(|(m, a)| a * row(m)).sum()
 }
 
-/// The same of the first channels of both, for each diffuse material.
-fn quadratic(diffuse: &[f64], rho: &[f64], matrices: &[Vec<f64>]) -> f64 {
-    let each = |matrix: &Vec<f64>| {
-        // As many channels as rough surfaces have.
-        let count = matrix.len().isqrt();
-        bilinear(&rho[..count], &rho[..count], matrix)
-    };
-    diffuse.iter().zip(matrices).map(|(d, matrix)| d * each(matrix)).sum()
+/// Numbers of pairs of channels that are not 0: most channels bring nothing.
+#[derive(Debug, Clone, Default)]
+struct Sparse(Vec<(usize, usize, f64)>);
+
+impl Sparse {
+    /// Those of a square matrix.
+    fn of(matrix: &[f64]) -> Self {
+        let count = matrix.len().isqrt().max(1);
+        let all = matrix.iter().enumerate().filter(|(_, m)| **m != 0.0);
+        Self(all.map(|(k, m)| (k / count, k % count, *m)).collect())
+    }
+
+    /// Σ ρ m ρ.
+    fn sum(&self, rho: &[f64]) -> f64 {
+        self.0.iter().map(|(a, b, m)| rho[*a] * m * rho[*b]).sum()
+    }
+}
+
+/// The same, for each diffuse material.
+fn quadratic(diffuse: &[f64], rho: &[f64], matrices: &[Sparse]) -> f64 {
+    diffuse.iter().zip(matrices).map(|(d, matrix)| d * matrix.sum(rho)).sum()
 }
 
 /// Returns the reflectances of the diffuse patches and of the larger ones.

@@ -33,12 +33,46 @@ pub struct Spectral {
     off: Vec<f64>,
 }
 
-/// For each matrix of the basis: v B e of each pair of what comes straight and by each channel of rough surfaces, observer's by Sun's.
+/// For each matrix of the basis: v B e of each pair of what comes straight and by each channel of rough surfaces, observer's by Sun's. Channels that bring nothing are left out.
 pub struct Products {
-    channels: [usize; 2],
+    /// Channels of the Sun's end and the observer's.
+    channels: [Vec<usize>; 2],
     each: Vec<Vec<f64>>,
+    /// The same through the mean over the wavelengths.
+    mean: Vec<f64>,
     /// Light of an even exchange that comes straight and by each channel, Sun's and observer's.
     even: [Vec<f64>; 2],
+}
+
+impl Products {
+    /// The light that all channels bring together, where they have these reflectances.
+    fn through(&self, each: &[f64], rho: &[f64]) -> f64 {
+        let [suns, eyes] = &self.channels;
+        let of_suns = |row: &[f64]| end(row, suns, rho);
+        let mut rows = each.chunks_exact(suns.len() + 1);
+        let straight = rows.next().map_or(0.0, of_suns);
+        straight + eyes.iter().zip(rows).map(|(c, row)| rho[*c] * of_suns(row)).sum::<f64>()
+    }
+}
+
+/// What an end brings to the patches straight, and by some channels.
+fn brought<'a>(end: &'a End, channels: &[usize]) -> Vec<&'a Vec<f64>> {
+    let gain = channels.iter().map(|c| &end.gain.fine[*c]);
+    std::iter::once(&end.straight[0]).chain(gain).collect()
+}
+
+/// The sum of what comes straight and by each channel.
+fn end(row: &[f64], channels: &[usize], rho: &[f64]) -> f64 {
+    row[0] + channels.iter().zip(&row[1..]).map(|(c, x)| rho[*c] * x).sum::<f64>()
+}
+
+/// Σ factor × row.
+fn mixed(rows: &[Vec<f64>], factors: &[f64]) -> Vec<f64> {
+    let mut all = vec![0.0; rows.first().map_or(0, Vec::len)];
+    for (row, factor) in rows.iter().zip(factors) {
+        all.iter_mut().zip(row).for_each(|(all, x)| *all += factor * x);
+    }
+    all
 }
 
 /// Sums of the rows of a square matrix, over the root of the sum of all: their product is an even exchange.
@@ -190,8 +224,11 @@ impl Spectral {
 
     /// Returns the light that both ends bring, the Sun or the Earth and the observer, through each matrix: each is read once.
     pub fn between(&self, [sun, eye]: [&End; 2]) -> Products {
-        let [suns, eyes] = [sun, eye]
-            .map(|end| std::iter::once(&end.straight[0]).chain(&end.gain.fine).collect::<Vec<_>>());
+        let channels = [sun, eye].map(|end| {
+            let brings = |row: &Vec<f64>| row.iter().any(|x| *x != 0.0);
+            (0..end.gain.fine.len()).filter(|c| brings(&end.gain.fine[*c])).collect::<Vec<_>>()
+        });
+        let (suns, eyes) = (brought(sun, &channels[0]), brought(eye, &channels[1]));
         let n = suns[0].len();
         // Most patches are dark to one end: those that are not, alone.
         let open = |rows: &[&Vec<f64>]| {
@@ -223,38 +260,21 @@ impl Spectral {
             }
             out
         };
-        Products {
-            channels: [suns.len(), eyes.len()],
-            each: self.basis.iter().map(&mut one).collect(),
-            even: [&suns, &eyes].map(|rows| rows.iter().map(|row| dot(row, &self.sums)).collect()),
-        }
+        let each: Vec<Vec<f64>> = self.basis.iter().map(&mut one).collect();
+        let even = [&suns, &eyes].map(|rows| rows.iter().map(|row| dot(row, &self.sums)).collect());
+        Products { channels, mean: mixed(&each, &self.mean), each, even }
     }
 
     /// The light between two diffuse patches at a wavelength where the channels have these reflectances, with its error.
     pub fn at(&self, node: usize, rho: &[f64], products: &Products) -> (f64, f64) {
-        let [suns, _] = products.channels;
-        // What comes straight, then each channel.
-        let through = |each: &[f64]| -> f64 {
-            let of_suns = |row: &[f64]| {
-                let more = rho.iter().zip(&row[1..]).map(|(r, x)| r * x);
-                row[0] + more.sum::<f64>()
-            };
-            let mut rows = each.chunks_exact(suns);
-            let straight = rows.next().map_or(0.0, of_suns);
-            straight + rho.iter().zip(rows).map(|(r, row)| r * of_suns(row)).sum::<f64>()
-        };
-        let Some(first) = products.each.first() else { return (0.0, 0.0) };
-        let made = |mix: &[f64]| {
-            let mut all = vec![0.0; first.len()];
-            for (each, factor) in products.each.iter().zip(mix) {
-                all.iter_mut().zip(each).for_each(|(all, x)| *all += factor * x);
-            }
-            through(&all).max(0.0)
-        };
-        let [sun, eye] = &products.even;
-        let end = |row: &[f64]| row[0] + rho.iter().zip(&row[1..]).map(|(r, x)| r * x).sum::<f64>();
-        let even = EVEN * end(sun) * end(eye);
-        (made(&self.mix[node]), self.off[node] * (made(&self.mean) + even))
+        if products.each.is_empty() {
+            return (0.0, 0.0);
+        }
+        let made = |all: &[f64]| products.through(all, rho).max(0.0);
+        let [sun, eye] = [0, 1].map(|k| end(&products.even[k], &products.channels[k], rho));
+        let even = EVEN * sun * eye;
+        let light = made(&mixed(&products.each, &self.mix[node]));
+        (light, self.off[node] * (made(&products.mean) + even))
     }
 }
 
