@@ -170,7 +170,9 @@ fn every_command_reads_rows_in_any_order() {
     let (head, rows): (Vec<&str>, Vec<&str>) =
         text.lines().partition(|l| l.starts_with('#') || l.starts_with("time_utc"));
     let mut sorted: Vec<String> = Vec::new();
-    for (i, row) in rows.iter().enumerate().filter(|(i, _)| !(200..260).contains(i)) {
+    // Every second row: a search of a period takes a quarter of the time.
+    let rows = rows.iter().step_by(2).enumerate();
+    for (i, row) in rows.filter(|(i, _)| !(100..130).contains(i)) {
         if i % 15 == 0 {
             let mut other: Vec<&str> = row.split(' ').collect();
             (other[2], other[3]) = ("9000.5", "140");

@@ -67,7 +67,7 @@ fn the_whole_pass_gives_20_s_in_every_channel() {
     let folder = Folder::new("analyse-j3-whole");
     station(&folder);
     pass(&folder, 12);
-    folder.done(&["simulate", "pass.toml", "-o", "sim/", "-q"]);
+    folder.done(&["simulate", "pass.toml", "--tolerance", "1%", "-o", "sim/", "-q"]);
     let period = ["analyse", "period", "sim/box_wing_pass.ecsv", "--json", "-q"];
     let mut fooled = 0;
     let channels = CENTRES_NM.iter().map(|c| vec!["--channel".to_owned(), format!("g{c}")]);
@@ -124,7 +124,7 @@ fn a_spin_of_20_s_is_found_in_every_channel() {
     let folder = Folder::new("analyse-j3");
     station(&folder);
     pass(&folder, 6);
-    folder.done(&["simulate", "pass.toml", "-o", "sim/", "-q"]);
+    folder.done(&["simulate", "pass.toml", "--tolerance", "1%", "-o", "sim/", "-q"]);
     let period = ["analyse", "period", "sim/box_wing_pass.ecsv", "--json", "-q"];
     let all = folder.json(&[&period[..], &["--pass", "pass.toml", "-o", "fig/"]].concat());
     let is_20 = |v: &Value| (v.as_f64().unwrap() / 20.0 - 1.0).abs() < 0.01;
@@ -372,13 +372,12 @@ fn a_tumbling_cylinder_over_six_passes() {
     assert!(holds(&right["period_s"], 21.7) && holds(&right["drift_per_day"], 0.0), "{found}");
     assert!(found["passes"].as_array().unwrap().len() == 6 && found["reason"].is_null());
     // Its ends are alike, so that even harmonics have little: that it is long says nothing more.
-    let long = spin(&[&names[..], &["--body", "long"]].concat());
-    assert_eq!((&found["body"], &long["body"]), (&"any".into(), &"long".into()), "{long}");
-    assert!(number(&long["even_share"]) < 0.5 && long["spins"] == found["spins"], "{long}");
-    // In another order the same, to the bit.
+    // Asked in another order, which changes no bit.
     let mut turned = names.clone();
     turned.reverse();
-    assert_eq!(spin(&turned)["spins"], found["spins"]);
+    let long = spin(&[&turned[..], &["--body", "long"]].concat());
+    assert_eq!((&found["body"], &long["body"]), (&"any".into(), &"long".into()), "{long}");
+    assert!(number(&long["even_share"]) < 0.5 && long["spins"] == found["spins"], "{long}");
     // Two passes are too few, and said to be.
     let few = spin(&names[..2]);
     assert_eq!(few["verdict"], "none");

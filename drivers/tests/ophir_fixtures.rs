@@ -57,12 +57,22 @@ fn the_same_recordings_through_a_pty_and_a_socket() {
             scope.spawn(move || {
                 let path = fixture(&format!("ophir/{}.rec", case.name));
                 let recording = Recording::read(path).unwrap();
-                let pty = crate::common::pty();
-                let end = through(&recording, pty.host, pty.device, clock);
-                assert_eq!(end, case.end, "{} through a pty", case.name);
-                let (host, device) = crate::common::tcp();
-                let end = through(&recording, host, device, clock);
-                assert_eq!(end, case.end, "{} through a socket", case.name);
+                // On a busy machine the meter may not get its turn within the host's patience, 0.3 s: it is tried again.
+                let settled = |end: &String| *end == case.end || !end.contains("no answer but");
+                let tried = |once: &dyn Fn() -> String| {
+                    let first = (0..4).map(|_| once()).find(settled);
+                    first.unwrap_or_else(once)
+                };
+                let by_pty = || {
+                    let pty = crate::common::pty();
+                    through(&recording, pty.host, pty.device, clock)
+                };
+                assert_eq!(tried(&by_pty), case.end, "{} through a pty", case.name);
+                let by_socket = || {
+                    let (host, device) = crate::common::tcp();
+                    through(&recording, host, device, clock)
+                };
+                assert_eq!(tried(&by_socket), case.end, "{} through a socket", case.name);
             });
         }
     });

@@ -652,6 +652,10 @@ fn a_run_goes_on_after_any_line() {
         let extra = found.difference(&all).filter(|(part, _)| *part == Part::Reference).count();
         assert_eq!(found.len(), all.len() + extra, "{cut}");
         assert_eq!(kept(&again), found.len(), "{cut}");
+        // The values of every fifth: a reduction takes most of the time, and lines of all kinds are among these.
+        if k % 5 > 0 {
+            continue;
+        }
         let reduced =
             reduce(&again, &bench, &kinematics, &list.tasks, &list.missing, &list.unreachable)
                 .unwrap();

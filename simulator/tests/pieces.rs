@@ -63,7 +63,7 @@ fn rows(simulation: &Simulation<'_>) -> Vec<Vec<u64>> {
     (0..simulation.places.len()).map(row).collect()
 }
 
-/// Truth: the same pass at once, to the bit, and the text of its tables. Pieces of 7, of one, of all and of more; bounces and earthshine between nodes, hinges, a sphere, an entry into the Earth's shadow, times
+/// Truth: the same pass at once, to the bit, and the text of its tables. Pieces of 7 and of one, of the sphere's of all and of more; bounces and earthshine between nodes, hinges, a sphere, an entry into the Earth's shadow, times
 /// that do not increase.
 #[test]
 fn pieces_are_the_pass_to_the_bit() {
@@ -84,7 +84,8 @@ fn pieces_are_the_pass_to_the_bit() {
         let known = rows(&whole);
         let curve = whole.light_curve("c").to_table().unwrap();
         let geometry = whole.geometry_table("c");
-        for epochs in [7, 1, pass.times.len(), 1000] {
+        let all = if target == "lambert_sphere" { &[pass.times.len(), 1000][..] } else { &[] };
+        for &epochs in [&[7, 1][..], all].concat().iter() {
             let (mut found, mut counted) = (Vec::new(), 0);
             let bounds = pass
                 .simulate_in_pieces(NonZeroUsize::new(epochs).unwrap(), &|_| (), |piece| {
@@ -125,13 +126,14 @@ fn passes_of_one_scene_are_the_passes_alone() {
         let mut passes = spans.map(|times| pass(target, times)).to_vec();
         let other = pass_with(target, "260.1000", spans[1]);
         passes.push(Pass { orbit: other.orbit.clone(), ..passes[1].clone() });
+        let alone = |pass: &Pass| rows(&pass.simulate(&|_| ()).unwrap());
+        let mut passes: Vec<_> = passes.into_iter().map(|p| (alone(&p), p)).collect();
         for _ in 0..2 {
-            let alike = Alike::new(passes[0].clone());
-            for pass in &passes {
+            let alike = Alike::new(passes[0].1.clone());
+            for (alone, pass) in &passes {
                 let (orbit, times) = (pass.orbit.clone(), pass.times.clone());
                 let found = alike.simulate(orbit, times, pass.exposure_s.clone(), &|_| (), rows);
-                let alone = pass.simulate(&|_| ()).unwrap();
-                assert_eq!(found.unwrap(), rows(&alone), "{target} {}", pass.times[0]);
+                assert_eq!(found.unwrap(), *alone, "{target} {}", pass.times[0]);
             }
             passes.reverse();
         }
