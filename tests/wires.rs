@@ -265,7 +265,7 @@ fn apart(one: &Kept, other: &Kept) -> f64 {
     worst
 }
 
-/// Errors of the values of a run against the closed form: the largest beyond 1 %, over the stated σ, and how many values there are.
+/// Errors of the values of a run against the closed form: the largest part beyond 4 stated σ, over the value (the scatter of three readings tells σ badly), and how many values there are.
 fn against_truth(folder: &Folder, case: &Case, name: &str) -> (f64, usize) {
     let values = format!("{name}-values/");
     folder.done(&["brdf", "ingest", &format!("{name}/"), "-q", "-o", &values]);
@@ -277,7 +277,7 @@ fn against_truth(folder: &Folder, case: &Case, name: &str) -> (f64, usize) {
     for k in 0..f.len() {
         let [ti, pi, to, po] = [0, 1, 2, 3].map(|a| angles[a][k]);
         let truth = case.law.f(direction(ti, pi), direction(to, po));
-        worst = worst.max(((f[k] - truth).abs() - 0.01 * truth) / sigma[k]);
+        worst = worst.max(((f[k] - truth).abs() - 4.0 * sigma[k]) / truth);
     }
     (worst, f.len())
 }
@@ -370,8 +370,8 @@ fn directions() -> impl Iterator<Item = (DVec3, DVec3)> {
 }
 
 /// GGX and glossy paint over ptys and TCP, killed. Truth: the closed forms of the samples, which the bench does not share with the reduction; and in the whole campaign the same bench without a break.
-/// A kill is SIGKILL at a seeded moment. Promises: no reading lost or doubled; values within 4.5 σ and 1 % of the truth; the readings of both runs within 5 of their standard deviations;
-/// the assembled material, of 24 to 60 measurements, within 3 % in nine of ten directions up to 70° and within 10 % in 99 of 100, by our evaluator and by Mitsuba 3's plug-in `measured` where there is one, which agree within 1 % (single precision).
+/// A kill is SIGKILL at a seeded moment. Promises: no reading lost or doubled; values within 4 σ and 2 % of the truth; the readings of both runs within 5 of their standard deviations;
+/// the assembled material, of 24 to 40 measurements, within 3 % in nine of ten directions up to 70° and within 10 % in 99 of 100, by our evaluator and by Mitsuba 3's plug-in `measured` where there is one, which agree within 1 % (single precision).
 #[test]
 fn campaign_goniometer_wires() {
     const COLUMNS: [&str; 11] = [
@@ -380,23 +380,23 @@ fn campaign_goniometer_wires() {
         "kills",
         "measurements",
         "apart_sigma",
-        "off_sigma",
+        "off",
         "bsdf_half",
         "bsdf_90",
         "bsdf_99",
         "mitsuba_99",
         "evaluators",
     ];
-    let mut campaign = Campaign::in_shards("goniometer_wires", 12, 2, &COLUMNS);
+    let mut campaign = Campaign::in_shards("goniometer_wires", 10, 2, &COLUMNS);
     let whole = campaign.is_asked_for();
     let seeds: Vec<u64> = campaign.seeds().collect();
-    for some in seeds.chunks(4) {
+    for some in seeds.chunks(5) {
         let rows = std::thread::scope(|scope| {
             let threads: Vec<_> = some
                 .iter()
                 .map(|seed| {
                     let case =
-                        if whole { Case::new(*seed, 60, 20) } else { Case::new(*seed, 24, 3) };
+                        if whole { Case::new(*seed, 40, 20) } else { Case::new(*seed, 24, 3) };
                     scope.spawn(move || one(&case, whole))
                 })
                 .collect();
@@ -498,7 +498,7 @@ fn one(case: &Case, whole: bool) -> [f64; 11] {
     folder.done(&[&assemble[..], &["-o", "made.bsdf"]].concat());
     let errors = assembled(&folder, case.law, "made.bsdf");
     println!(
-        "seed {}: {:?} over {}: {kills} kills, {} measurements in {:.1} s ({:.1} s undisturbed), apart {apart:.2} σ, off {off:.2} σ; half, 90 and 99 % of directions within {:.4?}, by Mitsuba {:.4?}, evaluators apart {:.1e}",
+        "seed {}: {:?} over {}: {kills} kills, {} measurements in {:.1} s ({:.1} s undisturbed), apart {apart:.2} σ, off {off:.4}; half, 90 and 99 % of directions within {:.4?}, by Mitsuba {:.4?}, evaluators apart {:.1e}",
         case.seed,
         case.law,
         if case.over_tcp { "TCP" } else { "ptys" },
@@ -511,7 +511,7 @@ fn one(case: &Case, whole: bool) -> [f64; 11] {
     );
     assert_eq!(kills, case.kills);
     assert_eq!(values, case.directions as usize);
-    assert!(off < 4.5, "{off}");
+    assert!(off < 0.02, "{off}");
     assert!(!(apart >= 5.0), "{apart}");
     assert!(!(errors.evaluators >= 1e-2), "{}", errors.evaluators);
     for [_, most, nearly_all] in [errors.ours, errors.mitsuba] {

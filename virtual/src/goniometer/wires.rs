@@ -86,15 +86,27 @@ impl<D: Turns> Speaker for OnBench<D> {
     }
 }
 
-/// The meter, until its cable is out.
+/// The meter, until its cable is out. It measures whether somebody asks or not: its range follows the light.
 struct Head {
     meter: Ophir,
     bench: VirtualGoniometer,
+    period: Duration,
+    measured: Duration,
 }
 
 impl Speaker for Head {
     fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)> {
         if self.bench.is_unplugged() { vec![] } else { self.meter.hear(bytes, now) }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        Some(self.measured + self.period)
+    }
+
+    fn speak(&mut self, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+        self.measured = now;
+        let _ = self.meter.shown_w(now);
+        vec![]
     }
 }
 
@@ -217,8 +229,8 @@ pub fn wires(options: &Options) -> Result<Vec<Wire>, OptionError> {
         },
     );
     let update = format!("update_hz={}", 1.0 / period.as_secs_f64());
-    let head = Box::new(InMemory::new(Head { meter, bench: bench.clone() }));
-    add("meter", Some("ophir"), &[&update], head);
+    let head = Head { meter, bench: bench.clone(), period, measured: Duration::ZERO };
+    add("meter", Some("ophir"), &[&update], Box::new(InMemory::new(head)));
     add("hands", None, &[], Box::new(InMemory::new(Robot { bench, heard: Vec::new() })));
     Ok(wires)
 }
