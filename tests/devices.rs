@@ -15,7 +15,7 @@ use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::simulated::indi::{Ramp, Server, ServerSettings};
 use sunglint_drivers::simulated::ophir::Ophir;
 use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings};
-use sunglint_drivers::simulated::{Steady, indi, serve, tmcl};
+use sunglint_drivers::simulated::{Steady, indi, serve};
 use sunglint_drivers::transport::serial::Serial;
 use sunglint_drivers::transport::tcp::Tcp;
 
@@ -346,7 +346,7 @@ fn real_drivers_reach_devices_through_a_pty_and_tcp() {
         let mut line = Serial::from_port(Box::new(device));
         let mut module = Module::new(ModuleSettings::default());
         // Before the program opens the pty, and after it, the module has no host.
-        while let Ok(after) = tmcl::serve(module, &mut line, &Deadline::within(PATIENCE)) {
+        while let Ok(after) = serve(module, &mut line, &Deadline::within(PATIENCE)) {
             module = after;
             thread::sleep(Duration::from_millis(5));
         }

@@ -819,6 +819,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         // Of a device that is served until somebody ends it.
         "tcp",
         "pty",
+        "goniometer",
+        "with",
         // Of a body under torques.
         "torque",
         "largest_n_m",
@@ -832,6 +834,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "first_deg",
         "asked_deg_s",
         // Values of keys.
+        "assumed",
         "not_measured",
         "diffuse_may_be_stray",
         "stray_per_sr",

@@ -248,7 +248,8 @@ fn from_a_plan_to_a_material_in_three_commands() {
     let folder = distribution("lab-run-page");
     let page =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/lab-run.md")).unwrap();
-    let commands: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("sunglint ")).collect();
+    let first = page.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    let commands: Vec<&str> = first.lines().filter_map(|l| l.strip_prefix("sunglint ")).collect();
     assert_eq!(commands.len(), 4, "{commands:?}");
     for command in commands {
         let words = command.split('#').next().unwrap().split_whitespace();
@@ -284,6 +285,9 @@ fn from_a_plan_to_a_material_in_three_commands() {
     folder.done(
         &[&assemble[..], &["--plan", "few/plan.ecsv", "--theta-i", "8", "--side", "17"]].concat(),
     );
+    // Once more over what is there: the file is written, not read.
+    folder.refused(1, &[&assemble[..], &["--theta-i", "8", "--side", "17"]].concat());
+    folder.done(&[&assemble[..], &["--theta-i", "8", "--side", "17", "--force"]].concat());
     let hours = ["brdf", "plan", "lab/ndf.ecsv", "--bench", "bench.toml", "--hours"];
     let said = folder.refused(1, &[&hours[..], &["0.01"]].concat());
     assert!(said.contains("measures itself") && said.contains("24 directions"), "{said}");
@@ -324,6 +328,7 @@ fn from_a_plan_to_a_material_in_three_commands() {
     assert_eq!(given["cone"]["detector_deg"], 0.3);
     let page = ["brdf", "page", "bad-fit/material.toml", "--wavelength-nm", "633", "-q"];
     folder.done(&[&page[..], &["-o", "bad.html"]].concat());
+    folder.done(&[&page[..], &["-o", "bad.html", "--force"]].concat());
     assert!(std::fs::read_to_string(folder.path("bad.html")).unwrap().contains("the signature"));
     let assemble = ["brdf", "assemble", "bad.fits", "lab/ndf.ecsv"];
     let small =

@@ -11,14 +11,14 @@ use std::time::Duration;
 use sunglint_testkit::{peer_python, run_python};
 
 /// A serving program; killed where a test ends early.
-struct Server {
+pub struct Server {
     program: Child,
     /// The document that it prints at its start.
-    begun: serde_json::Value,
+    pub begun: serde_json::Value,
 }
 
 impl Server {
-    fn start(folder: &Folder, arguments: &[&str]) -> Self {
+    pub fn start(folder: &Folder, arguments: &[&str]) -> Self {
         let mut program = Command::new(crate::common::program())
             .args(["devices", "serve", "--json"])
             .args(arguments)
@@ -41,12 +41,12 @@ impl Server {
         Self { program, begun }
     }
 
-    fn word(&self, key: &str) -> &str {
+    pub fn word(&self, key: &str) -> &str {
         self.begun[key].as_str().unwrap()
     }
 
     /// Ends it as Ctrl-C does; how it ended, and what it said.
-    fn end(mut self) -> (ExitStatus, String) {
+    pub fn end(mut self) -> (ExitStatus, String) {
         let id = self.program.id().to_string();
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
         let mut said = String::new();

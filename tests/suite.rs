@@ -57,3 +57,4 @@ mod timing;
 mod track;
 mod twilight;
 mod virtual_observatory;
+mod wires;

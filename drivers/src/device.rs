@@ -87,6 +87,8 @@ pub enum Origin {
     ReadBack,
     /// The user said so; the device cannot be asked.
     Configured,
+    /// Nobody said so: it is what most devices of the kind have.
+    Assumed,
 }
 
 /// A setting, for metadata and for people.
@@ -369,6 +371,24 @@ pub enum InBeam {
     Through,
     /// The beam is blocked before it reaches the sample.
     Blocked,
+}
+
+impl InBeam {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Blocked, Self::Head, Self::Nothing, Self::Sample, Self::Standard, Self::Through];
+
+    /// Its name on a line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Blocked => "blocked",
+            Self::Head => "head",
+            Self::Nothing => "nothing",
+            Self::Sample => "sample",
+            Self::Standard => "standard",
+            Self::Through => "through",
+        }
+    }
 }
 
 /// Reading that a power meter shows.

@@ -41,13 +41,14 @@
 //! use std::{sync::Arc, time::Duration};
 //! use sunglint_drivers::clock::{Deadline, VirtualClock};
 //! use sunglint_drivers::device::RotationStage as _;
-//! use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Simulated};
+//! use sunglint_drivers::simulated::InMemory;
+//! use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings};
 //! use sunglint_drivers::trinamic::{LinkSettings, Search, Stage, StageSettings};
 //!
 //! let clock = Arc::new(VirtualClock::new());
 //! let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
 //! // With a real module: `Serial::open("/dev/ttyACM0", 9600)?`, and deadlines on `Deadline::within`.
-//! let line = Simulated::new(Module::new(ModuleSettings::default()));
+//! let line = InMemory::new(Module::new(ModuleSettings::default()));
 //! let settings = StageSettings {
 //!     search: Some(Search { mode: 1, speed: 5_000, switch_speed: 500, tolerance_deg: 0.5 }),
 //!     ..StageSettings::default()

@@ -28,5 +28,5 @@ pub mod swabian;
 pub mod tmcl;
 pub mod zaber;
 
-pub use line::{InMemory, Speaker, bridge, serve};
+pub use line::{InMemory, Speaker, Turns, bridge, serve};
 pub use power::{PowerSource, Steady};

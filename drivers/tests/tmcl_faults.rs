@@ -6,7 +6,8 @@ use std::time::Duration;
 use sunglint_drivers::clock::{Clock as _, Deadline, VirtualClock};
 use sunglint_drivers::device::{DeviceError, RotationStage as _};
 use sunglint_drivers::recording::{Faults, Faulty, Injected};
-use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Simulated};
+use sunglint_drivers::simulated::InMemory;
+use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings};
 use sunglint_drivers::trinamic::{Approach, LinkSettings, Search, Stage, StageSettings};
 
 const SWITCH: i64 = -20_000;
@@ -46,7 +47,7 @@ fn run(faults: Faults, seed: u64) -> (End, Injected, Duration) {
     let clock = Arc::new(VirtualClock::new());
     let within = |s| Deadline::after(clock.clone(), Duration::from_secs(s));
     let settings = ModuleSettings { switches: [SWITCH, 60_000], ..ModuleSettings::default() };
-    let line = Faulty::new(Simulated::new(Module::new(settings)), faults, seed);
+    let line = Faulty::new(InMemory::new(Module::new(settings)), faults, seed);
     let grace = StageSettings::default().stop_within + Duration::from_millis(50);
     let bounded = |start: Duration, s: u64, what: &str| {
         let took = clock.now() - start;
@@ -76,7 +77,7 @@ fn run(faults: Faults, seed: u64) -> (End, Injected, Duration) {
             Ok(angle) => {
                 // Truth: the module's own motor, counted from its switch; 51,200 microsteps a turn.
                 let steps = (target * 51_200.0 / 360.0).round() as i64;
-                let module = &stage.line().inner().module;
+                let module = &stage.line().inner().device;
                 assert!(module.is_standing(), "seed {seed}");
                 assert_eq!(module.motor(), SWITCH + steps, "seed {seed} at {target} deg");
                 // A step is 0.007 deg; 1e-9 is for the order of two divisions.
@@ -85,7 +86,7 @@ fn run(faults: Faults, seed: u64) -> (End, Injected, Duration) {
             Err(interrupted) => {
                 end = End::Error(name(&interrupted.error));
                 // What it says about where it stands is true as well.
-                let module = &stage.line().inner().module;
+                let module = &stage.line().inner().device;
                 if let Some(at_deg) = interrupted.done {
                     let truth = (module.motor() - SWITCH) as f64 * 360.0 / 51_200.0;
                     assert!((at_deg - truth).abs() < 1e-9, "seed {seed}: {at_deg} is {truth}");

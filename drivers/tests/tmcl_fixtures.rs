@@ -9,7 +9,8 @@ use std::time::Duration;
 use sunglint_drivers::clock::{Clock, Deadline, SystemClock, VirtualClock};
 use sunglint_drivers::device::{DeviceError, RotationStage as _};
 use sunglint_drivers::recording::{Event, Fault, Header, Recorded, Recording, Replay, play};
-use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Simulated, Trouble};
+use sunglint_drivers::simulated::InMemory;
+use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Trouble};
 use sunglint_drivers::transport::{Bytes, TransportError};
 use sunglint_drivers::trinamic::tmcl::{Command, Status};
 use sunglint_drivers::trinamic::{LinkSettings, Search, Stage, StageSettings};
@@ -26,7 +27,7 @@ enum Cable {
 
 /// A line whose cable may be pulled out.
 struct Line {
-    module: Simulated,
+    module: InMemory<Module>,
     cable: Cable,
     sent: u32,
     heard: u32,
@@ -201,7 +202,7 @@ fn record(name: &str, trouble: Trouble, cable: Cable, path: &std::path::Path) ->
         synthetic: true,
     };
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
-    let line = Line { module: Simulated::new(module), cable, sent: 0, heard: 0 };
+    let line = Line { module: InMemory::new(module), cable, sent: 0, heard: 0 };
     let line = Obstacle { line, obstacle };
     session(Recorded::create(line, path, &header, Overwrite::Allow).unwrap(), &clock)
 }
@@ -215,7 +216,7 @@ struct Obstacle {
 impl Bytes for Obstacle {
     fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
         if bytes.get(1) == Some(&Command::Move.number()) {
-            self.line.module.module.trouble.obstacle = self.obstacle;
+            self.line.module.device.trouble.obstacle = self.obstacle;
         }
         self.line.send(bytes, deadline)
     }

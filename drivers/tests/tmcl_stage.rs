@@ -5,19 +5,20 @@ use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
 use sunglint_drivers::device::{Device as _, DeviceError, Origin, RotationStage as _, Side, Value};
-use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Simulated, serve};
+use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings};
+use sunglint_drivers::simulated::{InMemory, serve};
 use sunglint_drivers::trinamic::tmcl::{Command, Status};
 use sunglint_drivers::trinamic::{Approach, LinkSettings, Search, Stage, StageSettings};
 
 struct Desk {
     clock: Arc<VirtualClock>,
-    stage: Stage<Simulated>,
+    stage: Stage<InMemory<Module>>,
 }
 
 impl Desk {
     fn new(module: ModuleSettings, settings: StageSettings) -> Self {
         let clock = Arc::new(VirtualClock::new());
-        let line = Simulated::new(Module::new(module));
+        let line = InMemory::new(Module::new(module));
         let deadline = Deadline::after(clock.clone(), Duration::from_secs(5));
         let stage = Stage::open(line, LinkSettings::default(), settings, &deadline).unwrap();
         Self { clock, stage }
@@ -28,7 +29,7 @@ impl Desk {
     }
 
     fn module(&self) -> &Module {
-        &self.stage.line().module
+        &self.stage.line().device
     }
 }
 
@@ -103,7 +104,7 @@ fn angles_count_from_the_reference() {
     assert_eq!(desk.stage.angle_deg(&desk.within(5)).unwrap(), 0.0);
     // A module that lost its power says 0 for everything: no angle is made of that.
     desk.stage.move_to(10.0, &desk.within(60)).unwrap();
-    desk.stage.line_mut().module.power_cycle();
+    desk.stage.line_mut().device.power_cycle();
     for _ in 0..2 {
         let error = desk.stage.angle_deg(&desk.within(5)).unwrap_err();
         assert!(error.to_string().contains("home it"), "{error}");
@@ -145,7 +146,7 @@ fn an_obstacle_is_a_stall() {
         StageSettings::default(),
     );
     desk.stage.trust_counter();
-    desk.stage.line_mut().module.trouble.obstacle = Some(3_000);
+    desk.stage.line_mut().device.trouble.obstacle = Some(3_000);
     let deadline = desk.within(60);
     let interrupted = desk.stage.move_to(90.0, &deadline).unwrap_err();
     assert_eq!(interrupted.done, Some(21.093_75));
@@ -175,7 +176,7 @@ fn a_deadline_and_a_token_stop_the_motor() {
 /// A module that dies on the way cannot be stopped, and that is said.
 #[test]
 fn a_motor_that_cannot_be_stopped_is_told() {
-    struct Dies(Simulated, u32);
+    struct Dies(InMemory<Module>, u32);
     impl sunglint_drivers::transport::Bytes for Dies {
         fn send(
             &mut self,
@@ -183,7 +184,7 @@ fn a_motor_that_cannot_be_stopped_is_told() {
             deadline: &Deadline,
         ) -> Result<(), sunglint_drivers::transport::TransportError> {
             self.1 += 1;
-            self.0.module.trouble.dead = self.1 > 8;
+            self.0.device.trouble.dead = self.1 > 8;
             self.0.send(bytes, deadline)
         }
         fn receive(
@@ -203,7 +204,7 @@ fn a_motor_that_cannot_be_stopped_is_told() {
     let clock = Arc::new(VirtualClock::new());
     let within = |s| Deadline::after(clock.clone(), Duration::from_secs(s));
     let module = ModuleSettings { speed: 100, ..ModuleSettings::default() };
-    let line = Dies(Simulated::new(Module::new(module)), 0);
+    let line = Dies(InMemory::new(Module::new(module)), 0);
     let mut stage =
         Stage::open(line, LinkSettings::default(), StageSettings::default(), &within(5)).unwrap();
     stage.trust_counter();
@@ -256,14 +257,14 @@ fn refusals_identity_and_settings() {
     let speed = settings.iter().find(|setting| setting.name == "max_speed_units").unwrap();
     assert_eq!((&speed.value, speed.origin), (&Value::Integer(777), Origin::ReadBack));
     let mut line = desk.stage.into_line();
-    line.module.trouble.endless_search = true;
+    line.device.trouble.endless_search = true;
     let deadline = Deadline::after(desk.clock.clone(), Duration::from_secs(5));
     let mut stage = Stage::open(line, LinkSettings::default(), searching(), &deadline).unwrap();
     let endless = stage.home(&deadline).unwrap_err();
     assert!(matches!(*endless.error, DeviceError::TooSlow { .. }), "{endless}");
     let mut line = stage.into_line();
-    line.module.trouble.endless_search = false;
-    line.module.trouble.refuse = Some((Command::Search, Some(0), Status::NotAvailable));
+    line.device.trouble.endless_search = false;
+    line.device.trouble.refuse = Some((Command::Search, Some(0), Status::NotAvailable));
     let deadline = Deadline::after(desk.clock.clone(), Duration::from_secs(60));
     let mut stage = Stage::open(line, LinkSettings::default(), searching(), &deadline).unwrap();
     let refused = stage.home(&deadline).unwrap_err();

@@ -118,6 +118,7 @@ pub fn check_text(check: &Check, error: Option<&str>) -> String {
         let origin = match setting.origin {
             Origin::ReadBack => "read back",
             Origin::Configured => "as told",
+            Origin::Assumed => "assumed",
         };
         let _ = writeln!(text, "          {:<24} {} ({origin})", setting.name, setting.value);
     }
@@ -161,6 +162,7 @@ pub fn check(check: &Check, error: Option<&str>) -> Product {
         let origin = match setting.origin {
             Origin::ReadBack => "read_back",
             Origin::Configured => "configured",
+            Origin::Assumed => "assumed",
         };
         SettingJson { name: setting.name, value: &setting.value, origin }
     });

@@ -52,7 +52,7 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
         let text = format!("-o {}: expected a file .bsdf", args.output.display());
         return Err(Usage(text).into());
     }
-    let out = OutputArgs { output: Vec::new(), force: args.force };
+    let out = OutputArgs { output: vec![args.output.clone()], force: args.force };
     let beside = |extension: &str| args.output.with_extension(extension);
     let (coverage_file, toml_file) = (beside("coverage.ecsv"), beside("toml"));
     let (doubts_file, missing_file) = (beside("doubts.ecsv"), beside("missing.ecsv"));

@@ -39,7 +39,7 @@ pub(super) fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
         let text = format!("-o {}: expected a file .html", args.output.display());
         return Err(Usage(text).into());
     }
-    let out = OutputArgs { output: Vec::new(), force: args.force };
+    let out = OutputArgs { output: vec![args.output.clone()], force: args.force };
     out.check_targets([args.output.as_path()])?;
     let (nm, phi_i_deg) = (args.wavelength_nm, args.phi_i_deg);
     let material = look::read(&args.file, nm)?;

@@ -44,9 +44,9 @@ pub struct RetroArgs {
     /// Measure nothing: make the table of what the folder holds, with what RUN.toml knows now of the rig
     #[arg(long, conflicts_with = "resume")]
     pub reduce: bool,
-    /// Do not ask before what needs a hand (meter into the beam, sample away): something else does it
-    #[arg(long)]
-    pub yes: bool,
+    /// Who puts things into the beam.
+    #[command(flatten)]
+    pub hands: rig::HandsArgs,
     /// Show the run in a browser, where it can be paused and stopped: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "reduce")]
     pub page: Option<String>,
@@ -120,7 +120,8 @@ fn take(
     let live = live::Live::new(places[0], places[1], console);
     let page = LabPage::start(args.page.as_deref(), folder, "angle of the stage", places, console)?;
     log.watch(LabPage::watch(page.as_ref(), Box::new(live), reading, &cancel));
-    let mut person = rig::Person { yes: args.yes, asking, console, words };
+    let mut person =
+        rig::Person { args: args.hands.clone(), asking, cancel: cancel.clone(), console, words };
     let mut robot = virtual_rig.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
         Some(robot) => robot,

@@ -4,11 +4,13 @@ use crate::interrupt::{Hangup, listen as listen_for};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
 use anyhow::{Context as _, bail};
+use clap::Args;
 use hifitime::Epoch;
 use serde::Serialize;
 use serde_json::Value;
 use std::io::IsTerminal as _;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -218,10 +220,22 @@ pub(crate) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::
     Ok(sunglint_report::devices::described(device, &within)?)
 }
 
+/// Who puts things into the beam.
+#[derive(Debug, Clone, Default, Args)]
+pub struct HandsArgs {
+    /// Do not ask before what needs a hand (a shutter, the sample away): something else does it
+    #[arg(long)]
+    pub yes: bool,
+    /// Run this program for what needs a hand, and wait for its end, instead of asking. Its argument is what shall be in the beam: blocked, head (the meter), nothing, sample, standard, through
+    #[arg(long, value_name = "PROGRAM", conflicts_with = "yes")]
+    pub hands: Option<PathBuf>,
+}
+
 /// Somebody at the rig.
 pub(crate) struct Person {
-    pub yes: bool,
+    pub args: HandsArgs,
     pub asking: Arc<AtomicBool>,
+    pub cancel: Cancel,
     pub console: Console,
     /// What is asked for, in words.
     pub words: fn(InBeam) -> &'static str,
@@ -235,13 +249,16 @@ impl Hands for Person {
 
 impl Person {
     fn ask(&mut self, place: InBeam) -> anyhow::Result<()> {
-        if self.yes {
+        if self.args.yes {
             return Ok(());
+        }
+        if let Some(program) = &self.args.hands {
+            return self.call(program, place);
         }
         let what = (self.words)(place);
         if !std::io::stdin().is_terminal() {
             bail!(
-                "the run needs a hand: {what}; there is no terminal to ask on: start it on one, or give --yes where something else does it"
+                "the run needs a hand: {what}; there is no terminal to ask on: start it on one, name a program that does it (--hands), or give --yes where something else does it"
             );
         }
         self.console.say(&format!("{what}, then press Enter"));
@@ -253,5 +270,33 @@ impl Person {
             0 => bail!("nobody pressed Enter: {what}, and go on with --resume"),
             _ => Ok(()),
         }
+    }
+
+    /// Lets the program do it.
+    fn call(&self, program: &Path, place: InBeam) -> anyhow::Result<()> {
+        const LOOK: Duration = Duration::from_millis(5);
+        let (shown, name) = (program.display(), place.name());
+        // What it says is for the person, not for the result.
+        let mut child = Command::new(program)
+            .arg(name)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .with_context(|| format!("--hands {shown}: it does not start"))?;
+        let status = loop {
+            if let Some(status) = child.try_wait().context("--hands")? {
+                break status;
+            }
+            if self.cancel.is_cancelled() {
+                let _ = child.kill();
+                let _ = child.wait();
+                bail!("stopped before {shown} {name} ended: go on with --resume");
+            }
+            std::thread::sleep(LOOK);
+        };
+        if !status.success() {
+            bail!("{shown} {name} ended with {status}: see to it, and go on with --resume");
+        }
+        Ok(())
     }
 }

@@ -47,9 +47,9 @@ pub struct RunArgs {
     /// Go on with the run in the folder: what is there is not measured again
     #[arg(long)]
     pub resume: bool,
-    /// Do not ask before what needs a hand (beam blocked, sample away): something else does it
-    #[arg(long)]
-    pub yes: bool,
+    /// Who puts things into the beam.
+    #[command(flatten)]
+    pub hands: rig::HandsArgs,
     /// Show the run in a browser, where it can be paused and stopped: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "")]
     pub page: Option<String>,
@@ -288,7 +288,8 @@ fn take(
         LabPage::start(args.page.as_deref(), folder, "angle of the detector", places, console)?;
     let live = Box::new(Live { bar: bar.clone(), console, step });
     log.watch(LabPage::watch(page.as_ref(), live, reading, &cancel));
-    let mut person = rig::Person { yes: args.yes, asking, console, words };
+    let mut person =
+        rig::Person { args: args.hands.clone(), asking, cancel: cancel.clone(), console, words };
     let mut robot = virtual_bench.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
         Some(robot) => robot,

@@ -40,9 +40,9 @@ pub struct RunArgs {
     /// Measure nothing: make the efficiency of what the folder holds, with what PLAN.toml knows now of the rig
     #[arg(long, conflicts_with = "resume")]
     pub reduce: bool,
-    /// Do not ask before the shutter must be opened or closed: something else does it
-    #[arg(long)]
-    pub yes: bool,
+    /// Who puts things into the beam.
+    #[command(flatten)]
+    pub hands: rig::HandsArgs,
     /// Where the result goes: one folder, with the readings in it.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -268,7 +268,13 @@ fn take(
     let bar = Arc::new(Bar::new(console));
     bar.begin("run", Some(left as u64));
     log.watch(Box::new(Live { bar: bar.clone(), console, step }));
-    let mut person = rig::Person { yes: args.yes, asking, console, words: open::words };
+    let mut person = rig::Person {
+        args: args.hands.clone(),
+        asking,
+        cancel: pace.cancel.clone(),
+        console,
+        words: open::words,
+    };
     let mut robot = virtual_rig.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
         Some(robot) => robot,

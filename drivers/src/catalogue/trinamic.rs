@@ -6,7 +6,8 @@ use super::{
 };
 use crate::clock::Deadline;
 use crate::device::DeviceError;
-use crate::simulated::tmcl::{Module, ModuleSettings, Simulated};
+use crate::simulated::InMemory;
+use crate::simulated::tmcl::{Module, ModuleSettings};
 use crate::trinamic::{Approach, DEVICE, LinkSettings, Search, Stage, StageSettings};
 
 const fn option(
@@ -109,7 +110,7 @@ pub(super) static SIM_TMCL: Driver = Driver {
     options: &stage("1", "50000", "yes"),
     ids: &[],
     wire: Wire::Bytes,
-    connect: |_, _| Ok(Line::bytes(Simulated::new(Module::new(ModuleSettings::default())))),
+    connect: |_, _| Ok(Line::bytes(InMemory::new(Module::new(ModuleSettings::default())))),
     open,
 };
 

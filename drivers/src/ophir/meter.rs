@@ -323,7 +323,11 @@ impl<T: Bytes> Device for Meter<T> {
         let mut all: Vec<Setting> =
             values.map(|(name, value)| Setting { name, value, origin: Origin::ReadBack }).into();
         let repeats = self.repeats();
-        let origin = if repeats.is_measured { Origin::ReadBack } else { Origin::Configured };
+        let origin = match self.settings.update {
+            _ if repeats.is_measured => Origin::ReadBack,
+            Update::Known(_) => Origin::Configured,
+            Update::Measured(_) => Origin::Assumed,
+        };
         let update_ms = (repeats.period.as_secs_f64() * 1e4).round() / 10.0;
         all.push(Setting { name: "update_ms", value: Value::Number(update_ms), origin });
         Ok(all)

@@ -5,7 +5,7 @@
 //! messages about states without a sign of life of the host; its counter at zero after a search, lost with the power) is
 //! as Thorlabs' document and other drivers describe it, not as measured on one.
 
-use super::line::Speaker;
+use super::line::{Speaker, Turns};
 use crate::thorlabs::apt::message::{Body, HEADER, HOST, Id, Message, StateBits, parse};
 use std::time::Duration;
 
@@ -132,12 +132,7 @@ impl Apt {
     /// Lets it turn until `now`, and gives what it says about that.
     pub fn advance(&mut self, now: Duration) -> Option<Message> {
         let leg = self.leg?;
-        let way = leg.to - leg.from;
-        let time = i128::try_from(now.saturating_sub(leg.since).as_nanos()).unwrap_or(i128::MAX);
-        let gone = i128::from(self.settings.speed).saturating_mul(time) / 1_000_000_000;
-        // At most the way, which is 64 bits.
-        let gone = gone.min(i128::from(way.abs())) as i64;
-        self.place = leg.from + way.signum() * gone;
+        self.place = self.place_at(now);
         if self.place != leg.to || (leg.homing && self.trouble.endless_search) {
             return None;
         }
@@ -321,5 +316,16 @@ impl Speaker for Apt {
                 }
             }
         }
+    }
+}
+
+impl Turns for Apt {
+    fn place_at(&self, now: Duration) -> i64 {
+        let Some(leg) = self.leg else { return self.place };
+        let way = leg.to - leg.from;
+        let time = i128::try_from(now.saturating_sub(leg.since).as_nanos()).unwrap_or(i128::MAX);
+        let gone = i128::from(self.settings.speed).saturating_mul(time) / 1_000_000_000;
+        // At most the way, which is 64 bits.
+        leg.from + way.signum() * gone.min(i128::from(way.abs())) as i64
     }
 }

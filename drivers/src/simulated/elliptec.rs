@@ -3,7 +3,7 @@
 //! It is made after Thorlabs' protocol manual as the packages elliptec 0.1.0 and pylablib 1.4.3 use it, and both drive it. How a
 //! real one behaves during a move is not known to us: it can answer `GS09`, or nothing ([`ElliptecSettings::says_busy`]).
 
-use super::line::Speaker;
+use super::line::{Speaker, Turns};
 use super::motor::{Ended, Motor};
 use std::time::Duration;
 
@@ -275,5 +275,11 @@ impl Speaker for Elliptec {
         }
         let _ = self.advance(now);
         if self.trouble.dead { Vec::new() } else { said }
+    }
+}
+
+impl Turns for Elliptec {
+    fn place_at(&self, now: Duration) -> i64 {
+        self.motor.place_at(now)
     }
 }

@@ -22,6 +22,12 @@ pub trait Speaker: Send {
     }
 }
 
+/// A simulated stage: others may see where it stands, whatever its host asks.
+pub trait Turns: Speaker {
+    /// Where it stands at `now`, counts from where it stood when it was switched on. Nothing is changed.
+    fn place_at(&self, now: Duration) -> i64;
+}
+
 /// A device at the other end of a line in memory: a transport for drivers. The line keeps its order: what is said late
 /// holds back what is said after it.
 #[derive(Debug, Clone)]

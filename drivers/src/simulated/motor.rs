@@ -106,14 +106,20 @@ impl Motor {
         Some(leg.since + Duration::from_nanos(u64::try_from(nanoseconds).unwrap_or(u64::MAX / 4)))
     }
 
-    /// Lets it turn until `now`; how the motion ended, if it did.
-    pub fn advance(&mut self, now: Duration) -> Option<Ended> {
-        let leg = self.leg?;
+    /// Where it stands at `now`.
+    pub fn place_at(&self, now: Duration) -> i64 {
+        let Some(leg) = self.leg else { return self.place };
         let way = leg.to - leg.from;
         let time = i128::try_from(now.saturating_sub(leg.since).as_nanos()).unwrap_or(i128::MAX);
         let gone = i128::from(self.speed).saturating_mul(time) / 1_000_000_000;
         // At most the way, which is 64 bits.
-        self.place = leg.from + way.signum() * gone.min(i128::from(way.abs())) as i64;
+        leg.from + way.signum() * gone.min(i128::from(way.abs())) as i64
+    }
+
+    /// Lets it turn until `now`; how the motion ended, if it did.
+    pub fn advance(&mut self, now: Duration) -> Option<Ended> {
+        let leg = self.leg?;
+        self.place = self.place_at(now);
         if self.ends().is_some_and(|end| now < end) {
             return None;
         }

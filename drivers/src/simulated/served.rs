@@ -25,6 +25,8 @@ const DAY: Duration = Duration::from_secs(86_400);
 /// Time for which a host that knocks waits for the one that is served to go: one that comes right after another is often seen before the
 /// other's end is.
 const GRACE: Duration = Duration::from_millis(500);
+/// Time after which a pty forgets that a host wanted it for itself: the system keeps that wish of one that was killed, since the port stays open.
+const UNLOCK: Duration = Duration::from_millis(50);
 /// Most hosts that wait so.
 const MOST_WAITING: usize = 8;
 
@@ -120,6 +122,11 @@ impl Served {
         }
     }
 
+    /// A device at the other end of a line in memory, under a name.
+    pub fn on_line(name: &'static str, line: Box<dyn crate::transport::Bytes>) -> Self {
+        Self { name, line }
+    }
+
     /// Name of its driver.
     pub fn name(&self) -> &'static str {
         self.name
@@ -133,7 +140,15 @@ impl Served {
     pub fn on_pty(&mut self, pty: &mut Pty, cancel: &Cancel) -> Result<(), ServeError> {
         while !cancel.is_cancelled() {
             let deadline = Deadline::within(DAY).with_cancel(cancel);
-            bridge(&mut *self.line, &mut pty.device, &deadline, || {})?;
+            let Pty { device, held, .. } = pty;
+            let mut unlocked = Instant::now();
+            bridge(&mut *self.line, device, &deadline, || {
+                if unlocked.elapsed() > UNLOCK {
+                    unlocked = Instant::now();
+                    // A port that is not unlocked refuses the next host, which says so.
+                    let _ = rustix::termios::ioctl_tiocnxcl(&*held);
+                }
+            })?;
         }
         Ok(())
     }
@@ -241,7 +256,7 @@ pub struct Pty {
     device: Serial,
     /// The host's end, held open without a lock on it: without it the first host that closes would hang up the device, and the port would
     /// forget that it is raw.
-    _held: std::fs::File,
+    held: std::fs::File,
     port: String,
     link: Option<PathBuf>,
 }
@@ -273,7 +288,7 @@ impl Pty {
             })?;
         }
         let device = Serial::from_port(Box::new(device));
-        Ok(Self { device, _held: held, port, link: link.map(Path::to_owned) })
+        Ok(Self { device, held, port, link: link.map(Path::to_owned) })
     }
 
     /// Path of the host's end (`/dev/pts/3`).

@@ -4,10 +4,9 @@
 //! behaves (a switch stops the motor and the position is never reached; the search ends at the left switch with the counter
 //! at 0; an unfinished frame is forgotten after a pause) is as Trinamic's manuals describe it, not as measured on one.
 
-use crate::clock::Deadline;
-use crate::transport::{Bytes, TransportError};
+use super::line::{Speaker, Turns};
 use crate::trinamic::tmcl::{Axis, Command, Frame, LENGTH, Reply, Request, Status};
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::time::Duration;
 
 /// After this pause an unfinished frame is forgotten.
@@ -103,6 +102,8 @@ pub struct Module {
     target: i32,
     leg: Option<Leg>,
     searching: bool,
+    heard: Vec<u8>,
+    heard_at: Duration,
 }
 
 impl Module {
@@ -130,6 +131,8 @@ impl Module {
             target: 0,
             leg: None,
             searching: false,
+            heard: Vec::new(),
+            heard_at: Duration::ZERO,
         }
     }
 
@@ -326,115 +329,25 @@ impl Module {
     }
 }
 
-/// A module at the other end of a line in memory: a transport for drivers.
-#[derive(Debug, Clone)]
-pub struct Simulated {
-    /// The module.
-    pub module: Module,
-    heard: Vec<u8>,
-    heard_at: Duration,
-    /// Bytes that the module says, and the time from which on each can be heard.
-    said: VecDeque<(Duration, u8)>,
-}
-
-impl Simulated {
-    /// A line to the module.
-    pub fn new(module: Module) -> Self {
-        Self { module, heard: Vec::new(), heard_at: Duration::ZERO, said: VecDeque::new() }
-    }
-
-    fn hear(&mut self, bytes: &[u8], now: Duration) {
+impl Speaker for Module {
+    fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)> {
         if now.saturating_sub(self.heard_at) > FORGET {
             self.heard.clear();
         }
         self.heard_at = now;
         self.heard.extend_from_slice(bytes);
+        let due = now + self.settings.latency;
+        let mut said = Vec::new();
         while self.heard.len() >= LENGTH {
             let frame: Vec<u8> = self.heard.drain(..LENGTH).collect();
-            let due = now + self.module.settings.latency;
-            if let Some(reply) = self.module.handle(&frame, now) {
-                self.said.extend(reply.map(|byte| (due, byte)));
-            }
+            said.extend(self.handle(&frame, now).map(|reply| (due, reply.to_vec())));
         }
-    }
-
-    fn take(&mut self, most: usize, now: Duration) -> Vec<u8> {
-        let ready = self.said.iter().take(most).take_while(|(due, _)| *due <= now).count();
-        self.said.drain(..ready).map(|(_, byte)| byte).collect()
+        said
     }
 }
 
-impl Bytes for Simulated {
-    fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
-        deadline.remaining()?;
-        self.hear(bytes, deadline.now());
-        Ok(())
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], deadline: &Deadline) -> Result<usize, TransportError> {
-        if buffer.is_empty() {
-            return Ok(0);
-        }
-        loop {
-            let ready = self.take(buffer.len(), deadline.now());
-            if !ready.is_empty() {
-                buffer[..ready.len()].copy_from_slice(&ready);
-                return Ok(ready.len());
-            }
-            let wait = match self.said.front() {
-                Some((due, _)) => due.saturating_sub(deadline.now()),
-                None => Duration::MAX,
-            };
-            deadline.sleep(wait)?;
-        }
-    }
-
-    fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
-        Ok(self.take(usize::MAX, deadline.now()))
-    }
-}
-
-/// Serves the module on the device's end of a real line (a pty, a socket) until the deadline passes, the token is set, or
-/// the host hangs up.
-///
-/// # Errors
-/// The line failed.
-pub fn serve(
-    module: Module,
-    line: &mut impl Bytes,
-    deadline: &Deadline,
-) -> Result<Module, TransportError> {
-    let mut simulated = Simulated::new(module);
-    let mut buffer = [0; 256];
-    loop {
-        let step = match line.receive(&mut buffer, deadline) {
-            Ok(count) => {
-                simulated.hear(&buffer[..count], deadline.now());
-                let latency = simulated.module.settings.latency;
-                deadline.sleep(latency).map_err(TransportError::from).and_then(|()| {
-                    let reply = simulated.take(usize::MAX, deadline.now());
-                    if reply.is_empty() { Ok(()) } else { line.send(&reply, deadline) }
-                })
-            }
-            Err(error) => Err(error),
-        };
-        match step {
-            Ok(()) => {}
-            Err(
-                TransportError::Timeout { .. }
-                | TransportError::Cancelled { .. }
-                | TransportError::Disconnected { .. },
-            ) => {
-                simulated.module.advance(deadline.now());
-                return Ok(simulated.module);
-            }
-            Err(error) => return Err(error),
-        }
-    }
-}
-
-impl From<Module> for Simulated {
-    fn from(module: Module) -> Self {
-        Self::new(module)
+impl Turns for Module {
+    fn place_at(&self, now: Duration) -> i64 {
+        self.leg.map_or(self.motor, |leg| leg.at(now))
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! It is made after Zaber's protocol manual and what zaber-motion 10.3.0 asks for, which drives it in our tests.
 
-use super::line::Speaker;
+use super::line::{Speaker, Turns};
 use super::motor::{Ended, Motor};
 use std::time::Duration;
 
@@ -250,5 +250,11 @@ impl Speaker for Zaber {
         let alert = format!("{:02} 1 {}", self.settings.address, self.state());
         let information = format!("{:02} 0 a word", self.settings.address);
         vec![(now, self.emit('#', &information)), (now, self.emit('!', &alert))]
+    }
+}
+
+impl Turns for Zaber {
+    fn place_at(&self, now: Duration) -> i64 {
+        self.motor.place_at(now)
     }
 }

@@ -7,6 +7,9 @@ use crate::ndf::Ndf;
 use crate::plan::{Choice, LEAST, Plan, PlanError, Times};
 use sunglint_numerics::progress::Progress;
 
+/// Directions that are put in order first where the time says how many there will be.
+const FIRST: usize = 100;
+
 /// Limit of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
@@ -47,8 +50,8 @@ pub fn within_budget(
             (most as usize).max(LEAST).min(directions)
         }
     };
-    let choice = Choice::new(plan, ndf, &reached, most, progress)?;
-    let of = |count: usize| {
+    let choose = |count: usize| Choice::new(plan, ndf, &reached, count, progress);
+    let of = |choice: &Choice, count: usize| {
         let mut made = choice.plan(plan, count)?;
         let times = times(&tasks(bench, &kinematics, &made.planned()), own);
         if let Some(chosen) = &mut made.chosen {
@@ -56,16 +59,34 @@ pub fn within_budget(
         }
         Ok::<(Plan, f64), PlanError>((made, times.total_s))
     };
-    let Budget::Hours(hours) = budget else { return Ok(of(most)?.0) };
-    let (mut found, least_s) = of(LEAST)?;
+    let Budget::Hours(hours) = budget else { return Ok(of(&choose(most)?, most)?.0) };
+    // Ways and references count, too: few are put in order until their time tells about how many there will be.
+    let mut asked = FIRST.min(most);
+    let mut choice = choose(asked)?;
+    let (mut found, least_s) = of(&choice, LEAST)?;
     if least_s > 3600.0 * hours {
         let (own_h, least_h) = (own / 3600.0, least_s / 3600.0);
         return Err(PlanError::TooShort { asked_h: hours, own_h, least_h });
     }
-    let (mut low, mut high) = (LEAST, most + 1);
+    let mut low = LEAST;
+    let mut high = loop {
+        let (made, total_s) = of(&choice, asked)?;
+        if total_s > 3600.0 * hours {
+            break asked;
+        }
+        (low, found) = (asked, made);
+        if asked == most {
+            break asked + 1;
+        }
+        // The more there are, the shorter is the way from one to the next.
+        let each_s = (total_s - own) / asked as f64;
+        let more = 1.2 * (3600.0 * hours - own) / each_s;
+        asked = (more as usize).max(asked + asked / 2).min(most);
+        choice = choose(asked)?;
+    };
     while high - low > 1 {
         let middle = usize::midpoint(low, high);
-        let (made, total_s) = of(middle)?;
+        let (made, total_s) = of(&choice, middle)?;
         if total_s > 3600.0 * hours {
             high = middle;
         } else {

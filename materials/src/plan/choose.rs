@@ -16,6 +16,9 @@ use sunglint_numerics::progress::{Cancelled, Progress};
 pub const LEAST: usize = 24;
 /// Directions in which the variance is looked at, at most.
 const LOOKS: usize = 600;
+/// Most directions that are weighed against one another, and most that are chosen so: a quarter of a gigabyte, and some minutes. Beyond them directions are taken evenly.
+const POOL: usize = 16_000;
+const CHOSEN: usize = 3_000;
 /// Distances over which that departure changes: the bisector's place (0 to 1), the difference's angle over 90°, half of |cosθ_i − cosθ_o|.
 const LENGTHS: [f64; 3] = [0.25, 0.2, 0.15];
 /// Departure of a sample from its NDF's law, ln f rms, and the noise of a measurement.
@@ -63,8 +66,19 @@ impl Choice {
         let stride = pool.len().div_ceil(LOOKS).max(1);
         let looks: Vec<(Place, f32)> =
             (0..pool.len()).step_by(stride).map(|k| (places[k], cells[pool[k]])).collect();
-        let chosen = chosen(&places, &looks, images, most, progress)?;
-        let order = chosen.into_iter().map(|k| pool[k]).collect();
+        let weighed: Vec<usize> = if pool.len() > POOL {
+            evenly(pool.len()).take(POOL).collect()
+        } else {
+            (0..pool.len()).collect()
+        };
+        let their: Vec<Place> = weighed.iter().map(|k| places[*k]).collect();
+        let chosen = chosen(&their, &looks, images, most.min(CHOSEN), progress)?;
+        let mut order: Vec<usize> = chosen.into_iter().map(|k| weighed[k]).collect();
+        let mut is_free = vec![true; pool.len()];
+        order.iter().for_each(|k| is_free[*k] = false);
+        let more = most.saturating_sub(order.len());
+        order.extend(evenly(pool.len()).filter(|k| is_free[*k]).take(more));
+        let order = order.into_iter().map(|k| pool[k]).collect();
         Ok(Self { order, of: pool.len() })
     }
 
@@ -135,6 +149,13 @@ impl Choice {
             unordered_travel_deg,
         })
     }
+}
+
+/// The numbers below `count` in an order of which each beginning lies evenly among them: by the golden ratio.
+fn evenly(count: usize) -> impl Iterator<Item = usize> {
+    let mut all: Vec<usize> = (0..count).collect();
+    all.sort_by_cached_key(|k| (*k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    all.into_iter()
 }
 
 /// Shares of the normals by tilt, for each azimuth of an NDF.
@@ -265,6 +286,22 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
     use sunglint_numerics::progress::Silent;
+
+    /// Truth: the three-gap theorem (Steinhaus; Sós 1958): of the first m numbers of an order by a multiple of an irrational number the largest gap is below 3 n/m for the golden ratio.
+    #[test]
+    fn each_beginning_lies_evenly() {
+        for count in [7, 1_000, 20_011] {
+            let all: Vec<usize> = evenly(count).collect();
+            for taken in [count / 7, count / 3, count].map(|m| m.max(1)) {
+                let mut some = all[..taken].to_vec();
+                some.sort_unstable();
+                some.dedup();
+                assert_eq!(some.len(), taken);
+                let largest = some.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
+                assert!(largest as f64 <= 3.0 * count as f64 / taken as f64, "{count} {taken}");
+            }
+        }
+    }
 
     /// Truth: the mean variance after each possible next choice by the whole matrix (Rasmussen and Williams 2006, eq. 2.26), of 40 places, with the symmetries of an isotropic and of an anisotropic sample. The one that
     /// is chosen leaves no more than the best of all by 1e-3 of it: single precision.

@@ -74,6 +74,11 @@ impl Campaign {
         self.seeds.clone()
     }
 
+    /// Whether this run is the campaign itself, not its part in every run.
+    pub fn is_asked_for(&self) -> bool {
+        self.full
+    }
+
     /// Keeps what came of a seed, in the order of the columns.
     ///
     /// # Panics

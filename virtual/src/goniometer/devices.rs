@@ -62,6 +62,11 @@ impl State {
         }
     }
 
+    fn is_unplugged(&self) -> bool {
+        let unplugged = self.bench.options().fault.unplugged_at_reading;
+        unplugged.is_some_and(|number| self.readings >= number)
+    }
+
     fn part(&mut self) -> f64 {
         let (place, arms) = (self.place, self.arms());
         let bench = &self.bench;
@@ -98,6 +103,40 @@ impl VirtualGoniometer {
     pub fn place(&self, place: InBeam) {
         let mut state = self.state();
         (state.place, state.light) = (place, None);
+    }
+
+    /// What is in the beam.
+    pub fn placed(&self) -> InBeam {
+        self.state().place
+    }
+
+    /// The motor of a stage stands at an angle, degrees, whoever turned it.
+    pub(super) fn stand(&self, axis: usize, motor_deg: f64) {
+        let mut state = self.state();
+        let state = &mut *state;
+        if state.stages[axis].motor_deg() != motor_deg {
+            state.stages[axis].stand(&state.rig, motor_deg);
+            state.light = None;
+        }
+    }
+
+    /// Whether the meter's cable is out.
+    pub(super) fn is_unplugged(&self) -> bool {
+        self.state().is_unplugged()
+    }
+
+    /// Measures once, at a time: `None` where the meter's cable is out.
+    pub(super) fn shown(&self, at: Duration) -> Option<Shown> {
+        let mut state = self.state();
+        let state = &mut *state;
+        if state.is_unplugged() {
+            return None;
+        }
+        let at_s = at.as_secs_f64();
+        let light_w = state.part() * state.bench.lamp_w(at_s);
+        let shown = state.meter.read(&state.rig, light_w, at_s, state.readings);
+        state.readings += 1;
+        Some(shown)
     }
 
     /// A stage: sample, detector, azimuth, turn.
@@ -229,21 +268,14 @@ impl PowerMeter for VirtualDetector {
         deadline
             .sleep(Duration::from_secs_f64(reading_s))
             .map_err(|expired| DeviceError::expired(METER, "reading", expired))?;
-        let mut state = self.0.state();
-        let state = &mut *state;
-        let unplugged = state.bench.options().fault.unplugged_at_reading;
-        if unplugged.is_some_and(|number| state.readings >= number) {
-            let what = "it does not answer: its cable is out".to_owned();
-            return Err(DeviceError::Lost { device: METER, what });
+        match self.0.shown(deadline.now()) {
+            Some(Shown::Watts(power_w)) => Ok(Power::Watts(power_w)),
+            Some(Shown::Over(range_w)) => Ok(Power::Over { range_w: Some(range_w) }),
+            None => {
+                let what = "it does not answer: its cable is out".to_owned();
+                Err(DeviceError::Lost { device: METER, what })
+            }
         }
-        let at_s = deadline.now().as_secs_f64();
-        let light_w = state.part() * state.bench.lamp_w(at_s);
-        let shown = state.meter.read(&state.rig, light_w, at_s, state.readings);
-        state.readings += 1;
-        Ok(match shown {
-            Shown::Watts(power_w) => Power::Watts(power_w),
-            Shown::Over(range_w) => Power::Over { range_w: Some(range_w) },
-        })
     }
 
     fn set_wavelength_nm(&mut self, nm: f64, _: &Deadline) -> Result<f64, DeviceError> {

@@ -31,9 +31,15 @@ impl Stage {
         let step = (to_deg / stage.step_deg).round() * stage.step_deg;
         let reached = options.fault.stuck_beyond_deg.map_or(step, |stuck| step.min(stuck));
         let took_s = (reached - self.motor_deg).abs() / stage.speed_deg_per_s;
-        self.motor_deg = reached;
-        self.sample_deg = self.sample_deg.clamp(reached, reached + stage.backlash_deg);
+        self.stand(options, reached);
         (took_s, reached == step)
+    }
+
+    /// The motor stands there, or comes by on its way: the sample follows by the play.
+    pub fn stand(&mut self, options: &Options, motor_deg: f64) {
+        self.motor_deg = motor_deg;
+        let behind = motor_deg + options.stage.backlash_deg;
+        self.sample_deg = self.sample_deg.clamp(motor_deg, behind);
     }
 }
 
