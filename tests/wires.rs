@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use sunglint_formats::ecsv;
 use sunglint_simulator::surface::measured;
-use sunglint_testkit::{repository, run_python, skip};
+use sunglint_testkit::{Campaign, repository, run_python, skip};
 
 /// A sample: GGX microfacets over a Lambert part.
 #[derive(Debug, Clone, Copy)]
@@ -369,17 +369,43 @@ fn directions() -> impl Iterator<Item = (DVec3, DVec3)> {
     })
 }
 
-/// GGX and glossy paint over ptys, killed. Truth: the closed forms of the samples, which the bench does not share with the reduction; and where it is asked for the same bench without a break.
-/// A kill is SIGKILL at a seeded moment. Promises: no reading lost or doubled; values within 4 σ and 3 % of the truth; the readings of both runs within 5 of their standard deviations;
-/// the assembled material, of 24 to 40 measurements, within 3 % in nine of ten directions up to 70° and within 10 % in 99 of 100, by our evaluator and by Mitsuba 3's plug-in `measured` where there is one, which agree within 1 % (single precision).
+/// GGX and glossy paint over ptys and TCP, killed. Truth: the closed forms of the samples, which the bench does not share with the reduction; and, in the whole campaign, the same bench without a break.
+/// A kill is SIGKILL at a seeded moment: 20 a run of 40 measurements, 3 of 24 in the part that every run of the suite has. Promises: no reading lost or doubled; values within 4 σ and 3 % of the truth; the readings of both runs within 5 of their
+/// standard deviations; the assembled material within 3 % in nine of ten directions up to 70° and within 10 % in 99 of 100, by our evaluator and by Mitsuba 3's plug-in `measured` where there is one, which agree within 1 % (single precision).
 #[test]
-fn a_killed_goniometer_on_lines_loses_nothing() {
-    std::thread::scope(|scope| {
-        for seed in [0, 3] {
-            scope.spawn(move || one(&Case::new(seed, 24, 3), false));
+fn campaign_goniometer_wires() {
+    let mut campaign = Campaign::with_part("goniometer_wires", 10, 2);
+    let whole = campaign.is_asked_for();
+    let (directions, kills) = if whole { (40, 20) } else { (24, 3) };
+    let seeds: Vec<u64> = campaign.seeds().collect();
+    for pair in seeds.chunks(2) {
+        let found: Vec<[f64; 6]> = std::thread::scope(|scope| {
+            let begun: Vec<_> = pair
+                .iter()
+                .map(|seed| scope.spawn(move || one(&Case::new(*seed, directions, kills), whole)))
+                .collect();
+            begun.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        campaign.largest("kills_of_a_run", f64::from(kills));
+        // In real time no two runs are alike, so that a part may exceed the whole.
+        for figures in found.into_iter().filter(|_| whole) {
+            for (name, value) in FIGURES.into_iter().zip(figures).filter(|f| f.1.is_finite()) {
+                campaign.largest(name, value);
+            }
         }
-    });
+    }
+    campaign.finish();
 }
+
+/// Figures of a run.
+const FIGURES: [&str; 6] = [
+    "largest_sigmas_from_the_whole_run",
+    "largest_error_of_a_value_beyond_4_sigma",
+    "error_of_90_percent_of_directions",
+    "error_of_99_percent_of_directions",
+    "error_of_99_percent_by_mitsuba",
+    "evaluators_apart",
+];
 
 /// The commands of docs/lab-run.md, as they stand, on its bench, which measures itself in fewer steps. Truth: the sample of its `fast.toml` (alpha 0.1, reflectance 0.8), 3 % at nine of ten directions: 40 measurements.
 #[test]
@@ -442,7 +468,8 @@ fn executable(folder: &Folder, name: &str, text: &str) {
     assert!(made.unwrap().success());
 }
 
-fn one(case: &Case, whole: bool) -> [f64; 11] {
+/// Figures of a run: see [`FIGURES`].
+fn one(case: &Case, whole: bool) -> [f64; 6] {
     let folder = case.folder();
     let mut took = Duration::from_secs(8);
     let undisturbed = whole.then(|| {
@@ -485,8 +512,6 @@ fn one(case: &Case, whole: bool) -> [f64; 11] {
     for [_, most, nearly_all] in [errors.ours, errors.mitsuba] {
         assert!(!(most >= 0.03 || nearly_all >= 0.1), "{:?} {:?}", errors.ours, errors.mitsuba);
     }
-    let tcp = f64::from(u8::from(case.over_tcp));
-    let ([half, most, nearly_all], [_, _, theirs]) = (errors.ours, errors.mitsuba);
-    let (alpha, kills, all) = (case.law.alpha, f64::from(kills), kept.len() as f64);
-    [tcp, alpha, kills, all, apart, off, half, most, nearly_all, theirs, errors.evaluators]
+    let ([_, most, nearly_all], [_, _, theirs]) = (errors.ours, errors.mitsuba);
+    [apart, off, most, nearly_all, theirs, errors.evaluators]
 }

@@ -27,6 +27,8 @@ const DAY: Duration = Duration::from_secs(86_400);
 const GRACE: Duration = Duration::from_millis(500);
 /// Time after which a pty forgets that a host wanted it for itself: the system keeps that wish of one that was killed, since the port stays open.
 const UNLOCK: Duration = Duration::from_millis(50);
+/// Time in which answers to a host that has gone are heard and dropped: they are none for the next one.
+const LATE: Duration = Duration::from_millis(50);
 /// Most hosts that wait so.
 const MOST_WAITING: usize = 8;
 
@@ -200,6 +202,17 @@ impl Served {
                 Ok(()) | Err(ServeError::Line(_)) => {}
                 Err(error) => return Err(error),
             }
+            self.forget(cancel)?;
+        }
+        Ok(())
+    }
+
+    /// Hears what the device still says to a host that has gone.
+    fn forget(&mut self, cancel: &Cancel) -> Result<(), ServeError> {
+        let gone = Instant::now();
+        while gone.elapsed() < LATE && !cancel.is_cancelled() {
+            self.line.discard(&Deadline::within(LATE))?;
+            std::thread::sleep(Duration::from_millis(5));
         }
         Ok(())
     }
