@@ -378,6 +378,7 @@ fn campaign_goniometer_wires() {
     let whole = campaign.is_asked_for();
     let (directions, kills) = if whole { (40, 20) } else { (24, 3) };
     let seeds: Vec<u64> = campaign.seeds().collect();
+    let mut most = [f64::NAN; 6];
     for pair in seeds.chunks(2) {
         let found: Vec<[f64; 6]> = std::thread::scope(|scope| {
             let begun: Vec<_> = pair
@@ -386,13 +387,14 @@ fn campaign_goniometer_wires() {
                 .collect();
             begun.into_iter().map(|thread| thread.join().unwrap()).collect()
         });
-        campaign.largest("kills_of_a_run", f64::from(kills));
-        // In real time no two runs are alike, so that a part may exceed the whole.
-        for figures in found.into_iter().filter(|_| whole) {
-            for (name, value) in FIGURES.into_iter().zip(figures).filter(|f| f.1.is_finite()) {
-                campaign.largest(name, value);
-            }
+        for figures in found {
+            most.iter_mut().zip(figures).for_each(|(most, figure)| *most = most.max(figure));
         }
+    }
+    campaign.largest("kills_of_a_run", f64::from(kills));
+    // In real time no two runs are alike, so that a part may exceed the whole.
+    for (name, value) in FIGURES.into_iter().zip(most).filter(|f| whole && f.1.is_finite()) {
+        campaign.largest(name, value);
     }
     campaign.finish();
 }
@@ -507,10 +509,11 @@ fn one(case: &Case, whole: bool) -> [f64; 6] {
     assert_eq!(kills, case.kills);
     assert_eq!(values, case.directions as usize);
     assert!(off < 0.03, "{off}");
-    assert!(!(apart >= 5.0), "{apart}");
-    assert!(!(errors.evaluators >= 1e-2), "{}", errors.evaluators);
+    assert!(apart.is_nan() || apart < 5.0, "{apart}");
+    assert!(errors.evaluators.is_nan() || errors.evaluators < 1e-2, "{}", errors.evaluators);
     for [_, most, nearly_all] in [errors.ours, errors.mitsuba] {
-        assert!(!(most >= 0.03 || nearly_all >= 0.1), "{:?} {:?}", errors.ours, errors.mitsuba);
+        let good = most.is_nan() || (most < 0.03 && nearly_all < 0.1);
+        assert!(good, "{:?} {:?}", errors.ours, errors.mitsuba);
     }
     let ([_, most, nearly_all], [_, _, theirs]) = (errors.ours, errors.mitsuba);
     [apart, off, most, nearly_all, theirs, errors.evaluators]

@@ -198,6 +198,24 @@ impl Reader<'_> {
     }
 }
 
+/// Says of a run that goes on that it waits longer than its plan says, where its readings asked for that.
+///
+/// # Errors
+/// It cannot be written.
+pub(crate) fn tell_wait(
+    settling: &Settling,
+    settle_s: f64,
+    event: impl FnOnce(&str) -> Result<(), RecordError>,
+) -> Result<(), RecordError> {
+    let wait_s = settling.wait_s(settle_s);
+    if wait_s > settle_s {
+        return event(&format!(
+            "the readings so far ask for a wait of {wait_s:.2} s after each move: the plan's settle_s is {settle_s:.2}"
+        ));
+    }
+    Ok(())
+}
+
 fn lag_text(place: &str, lag: &Lag, settle_s: f64) -> String {
     let Lag { left, sigma, constant_s, wait_s } = lag;
     format!(

@@ -3,6 +3,8 @@
 //! A meter with a lag still lacks a part of the step from the place before when its first reading at a place is taken, and the part falls from reading to reading. Each place tells its
 //! own, with noise; many places together tell it to a thousandth of the step.
 
+use crate::reading::{Seen, State};
+
 /// Part of a step that may be left at the first reading.
 pub const LEFT: f64 = 1e-3;
 /// Longest wait that is found, s.
@@ -54,6 +56,45 @@ pub struct Settling {
 }
 
 impl Settling {
+    /// What the lines of a run that was begun before tell, for one that goes on with it: as if its readings were taken once more, with `settle_s` from its plan. `is_same_light` says of two places one after the other whether the
+    /// same thing was in the beam.
+    pub fn of_run<'a, K: PartialEq>(
+        lines: impl Iterator<Item = Seen<'a, K>>,
+        settle_s: f64,
+        is_same_light: impl Fn(&K, &K) -> bool,
+    ) -> Self {
+        let mut settling = Self::default();
+        let (mut read, mut anew, mut before): (Vec<Timed>, bool, Option<K>) =
+            (Vec::new(), false, None);
+        for line in lines {
+            if let Some(before) = before.filter(|key| *key != line.key) {
+                // Readings that were broken off tell nothing.
+                read.clear();
+                anew = false;
+                if !is_same_light(&before, &line.key) {
+                    settling.other_light();
+                }
+            }
+            match line.state {
+                State::Read | State::Over => read.push((line.time_s, line.power_w)),
+                State::Again => {
+                    read.clear();
+                    anew = true;
+                }
+                State::Kept => {
+                    if !read.is_empty() {
+                        settling.place(&read, settling.wait_s(settle_s), !anew);
+                    }
+                    read.clear();
+                    anew = false;
+                }
+            }
+            before = Some(line.key);
+        }
+        settling.other_light();
+        settling
+    }
+
     /// Wait before the first reading of a place, s: the longer one of what the plan says and what was found.
     #[must_use]
     pub fn wait_s(&self, plan_s: f64) -> f64 {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Device, DeviceError, Identity, Power, PowerMeter, Setting};
 use sunglint_materials::log::RecordError;
-use sunglint_materials::reading::{Keep, Reader, State};
+use sunglint_materials::reading::{Keep, Reader, Seen, State};
 use sunglint_materials::settling::Settling;
 
 /// A meter whose readings follow the light exponentially.
@@ -66,14 +66,16 @@ impl PowerMeter for Lagging {
     }
 }
 
-#[derive(Default)]
 struct Kept {
+    clock: DeviceClock,
+    lines: Vec<(f64, f64, State)>,
     powers: Vec<f64>,
     events: Vec<String>,
 }
 
 impl Keep for Kept {
     fn reading(&mut self, power_w: f64, state: State, _: &str) -> Result<(), RecordError> {
+        self.lines.push((self.clock.clock.now().as_secs_f64(), power_w, state));
         if state == State::Read {
             self.powers.push(power_w);
         }
@@ -100,6 +102,7 @@ fn scan(constant_s: f64, noise: f64, settle_s: f64, seed: u64) -> (f64, f64, Vec
     let (shown_w, at) = (0.0, Duration::ZERO);
     let mut meter = Lagging { light_w: 0.0, shown_w, at, constant_s, noise, random };
     let (mut settling, mut worst, mut events) = (Settling::default(), 0.0_f64, Vec::new());
+    let mut lines = Vec::new();
     for place in 0..120 {
         // The stage has arrived.
         meter.follow(clock.now());
@@ -107,7 +110,12 @@ fn scan(constant_s: f64, noise: f64, settle_s: f64, seed: u64) -> (f64, f64, Vec
         let x = f64::from(place % 40 - 20) / 6.0;
         meter.light_w = 1e-6 * ((-x * x).exp() + 1.0 / 300.0);
         let light_w = meter.light_w;
-        let mut kept = Kept::default();
+        let mut kept = Kept {
+            clock: device_clock.clone(),
+            lines: Vec::new(),
+            powers: Vec::new(),
+            events: Vec::new(),
+        };
         let mut reader = Reader {
             meter: &mut meter,
             clock: &device_clock,
@@ -120,10 +128,24 @@ fn scan(constant_s: f64, noise: f64, settle_s: f64, seed: u64) -> (f64, f64, Vec
         };
         reader.take("at a place", &mut kept).unwrap();
         events.append(&mut kept.events);
+        let line = |(time_s, power_w, state): &(f64, f64, State)| Seen {
+            key: place,
+            angle_deg: x,
+            time_s: *time_s,
+            power_w: *power_w,
+            state: *state,
+            range: "",
+        };
+        lines.extend(kept.lines.iter().map(line));
         let mean_w = kept.powers.iter().sum::<f64>() / kept.powers.len() as f64;
         if place >= 60 {
             worst = worst.max((mean_w - light_w).abs() / (before_w - light_w).abs().max(0.03e-6));
         }
+    }
+    // A run that goes on after this one, or after half of it, whose last place was broken off, waits as long.
+    for lines in [&lines[..], &lines[..lines.len() / 2 - 3]] {
+        let again = Settling::of_run(lines.iter().copied(), settle_s, |_, _| true);
+        assert_eq!(again.wait_s(settle_s), settling.wait_s(settle_s), "{} lines", lines.len());
     }
     (settling.wait_s(settle_s), worst, events)
 }

@@ -3,7 +3,7 @@
 use super::pose::Angles;
 use super::tasks::Part;
 use crate::log::{LogLine, number, quoted};
-use crate::reading::State;
+use crate::reading::{Seen, State};
 use serde_json::json;
 use std::path::Path;
 use sunglint_formats::{Column, ParseError, Table};
@@ -39,6 +39,18 @@ pub struct Line {
     pub state: State,
     /// The meter's range, as it names it.
     pub range: String,
+}
+
+/// Lines by part and number.
+pub(super) fn seen(lines: &[Line]) -> impl Iterator<Item = Seen<'_, (Part, u32)>> {
+    lines.iter().map(|line| Seen {
+        key: (line.part, line.number),
+        angle_deg: line.stages[1].unwrap_or(f64::NAN),
+        time_s: line.time_s,
+        power_w: line.power_w,
+        state: line.state,
+        range: &line.range,
+    })
 }
 
 const COLUMNS: [&str; 4] = ["sample_deg", "detector_deg", "azimuth_deg", "turn_deg"];

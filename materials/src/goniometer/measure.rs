@@ -1,12 +1,12 @@
 //! The run itself: what is put into the beam, where the axes go, what the meter says there.
 
 use super::bench::{AXES, Bench};
-use super::line::Line;
+use super::line::{Line, seen};
 use super::pose::Angles;
 use super::tasks::{Part, RESUMED, Task};
 use crate::axis::{self, Approach, AxisError};
 use crate::log::{self, Record, RecordError};
-use crate::reading::{Keep, ReadError, Reader, State};
+use crate::reading::{Keep, ReadError, Reader, State, tell_wait};
 use crate::retro::measure::{Hands, HandsError};
 use crate::settling::Settling;
 use std::collections::HashSet;
@@ -128,6 +128,8 @@ fn all(
     let reference = tasks.iter().find(|task| task.part == Part::Reference);
     let begun = done.iter().any(|(part, _)| *part == Part::Direction);
     let goes_on = left.first().is_some_and(|task| task.part == Part::Direction);
+    let settle_s = bench.meter.settle_s.get();
+    let same_light = |a: &(Part, u32), b: &(Part, u32)| a.0.place() == b.0.place();
     let mut run = Run {
         rig,
         bench,
@@ -136,8 +138,9 @@ fn all(
         asked: [None; 4],
         at: [None; 4],
         place: None,
-        settling: Settling::default(),
+        settling: Settling::of_run(seen(before), settle_s, same_light),
     };
+    tell_wait(&run.settling, settle_s, |text| run.record.event(text))?;
     if let Some(reference) = reference.filter(|_| begun && goes_on) {
         let of = |(part, number): &(Part, u32)| {
             (*part == Part::Reference && *number >= RESUMED).then_some(*number)

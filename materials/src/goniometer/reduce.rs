@@ -7,7 +7,7 @@
 //! straight through and from the sample's lobe seen from both sides.
 
 use super::bench::Bench;
-use super::line::Line;
+use super::line::{Line, seen};
 use super::overlap::Sizes;
 use super::pose::{Angles, Kinematics, Pose};
 use super::signature::{
@@ -15,7 +15,7 @@ use super::signature::{
 };
 use super::tasks::{Part, RESUMED, Task};
 use crate::plan::Planned;
-use crate::reading::{Seen, State, kept};
+use crate::reading::{State, kept};
 use crate::retro::AtAngle;
 use crate::retro::readings::{Mean, means};
 use crate::samples::{Sample, Samples, direction};
@@ -204,20 +204,12 @@ struct Read {
 
 /// The readings of all parts.
 fn reads(lines: &[Line]) -> BTreeMap<Part, Vec<Read>> {
-    let seen = lines.iter().map(|line| Seen {
-        key: (line.part, line.number),
-        angle_deg: line.stages[1].unwrap_or(f64::NAN),
-        time_s: line.time_s,
-        power_w: line.power_w,
-        state: line.state,
-        range: &line.range,
-    });
     let mut stages: BTreeMap<(Part, u32), Angles> = BTreeMap::new();
     for line in lines.iter().filter(|line| line.state == State::Kept) {
         stages.insert((line.part, line.number), line.stages);
     }
     let mut parts: BTreeMap<Part, (Vec<u32>, Vec<AtAngle>)> = BTreeMap::new();
-    for ((part, number), at) in kept(seen) {
+    for ((part, number), at) in kept(seen(lines)) {
         let (numbers, all) = parts.entry(part).or_default();
         numbers.push(number);
         all.push(at);

@@ -6,7 +6,7 @@ use super::Measured;
 use super::plan::Measuring;
 use crate::axis::{self, Approach, AxisError};
 use crate::log;
-use crate::reading::{Keep, ReadError, Reader, Seen, kept};
+use crate::reading::{Keep, ReadError, Reader, Seen, kept, tell_wait};
 use crate::settling::Settling;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
@@ -163,8 +163,10 @@ fn all_phases(
         false => (vec![], left(Phase::Sample)),
     };
     let nothing_left = signature.is_empty() && sample.is_empty();
-    let settling = Settling::default();
+    let settle_s = plan.meter.settle_s.get();
+    let settling = Settling::of_run(seen(before), settle_s, |a, b| a.0 == b.0);
     let mut run = Run { rig, plan, zero_s, record, at_deg: None, settling };
+    tell_wait(&run.settling, settle_s, |text| run.record.event(text))?;
     // Readings that were broken off do not mix with those that follow.
     if let Some(last) = before.last().filter(|l| l.state.is_reading()) {
         let (asked, angle) = (last.asked_deg, last.angle_deg);
@@ -320,18 +322,22 @@ impl Keep for At<'_> {
     }
 }
 
-/// The readings that count: of each part and angle those before the last line that keeps them.
-pub fn measured(lines: &[Line]) -> Measured {
-    let seen = lines.iter().map(|line| Seen {
+/// Lines by part and angle.
+fn seen(lines: &[Line]) -> impl Iterator<Item = Seen<'_, (Phase, u64)>> {
+    lines.iter().map(|line| Seen {
         key: (line.phase, line.asked_deg.to_bits()),
         angle_deg: line.angle_deg,
         time_s: line.time_s,
         power_w: line.power_w,
         state: line.state,
         range: &line.range,
-    });
+    })
+}
+
+/// The readings that count: of each part and angle those before the last line that keeps them.
+pub fn measured(lines: &[Line]) -> Measured {
     let mut measured = Measured::default();
-    for ((phase, _), at) in kept(seen) {
+    for ((phase, _), at) in kept(seen(lines)) {
         match phase {
             Phase::Incident(_) => measured.incident.push(at),
             Phase::Signature => measured.signature.push(at),

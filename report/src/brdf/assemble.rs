@@ -184,6 +184,13 @@ pub fn text(made: &Assembled) -> String {
                 _ => "its cone and source are not known".to_owned(),
             }
         );
+        let (left, zero) = (it.shared_per_sr(1.0), it.zero_sigma_deg);
+        if left > 0.0 || zero > 0.0 {
+            let _ = writeln!(
+                text,
+                "so are {left:.1e} /sr over cosθ_o that dark and stray light may leave, and zeros that are known to {zero:.4}°"
+            );
+        }
         for what in &it.missing {
             let _ = writeln!(text, "not measured: {what}");
         }

@@ -114,10 +114,10 @@ pub fn text(plan: &Plan) -> String {
     if let Some(times) = plan.chosen.and_then(|chosen| chosen.times) {
         let _ = writeln!(
             text,
-            "about {} on the bench: {} for the directions with {} looks at the reference, {} for {} of the instrument itself",
+            "about {} on the bench: {} for the directions with {} at the reference, {} for {} of the instrument itself",
             hours(times.total_s),
             hours(times.total_s - times.own_s),
-            times.references,
+            counted(times.references, "look"),
             hours(times.own_s),
             counted(times.instrument, "measurement"),
         );
@@ -133,7 +133,8 @@ pub fn text(plan: &Plan) -> String {
                 _ => format!(", azimuth {:7.2}°", phi.to_degrees()),
             };
             let theta = theta.to_degrees();
-            let _ = writeln!(text, "  incidence {theta:6.2}°{azimuth}: {steps} directions");
+            let steps = counted(steps, "direction");
+            let _ = writeln!(text, "  incidence {theta:6.2}°{azimuth}: {steps}");
         }
     }
     let _ = writeln!(
