@@ -213,7 +213,7 @@ impl Case {
 /// Powers of the readings that count, by part and number.
 type Kept = BTreeMap<(String, i64), Vec<f64>>;
 
-/// What a record holds. No measurement is there twice, and each has all of its readings.
+/// Reads what a record holds. No measurement is there twice, and each has all of its readings.
 fn record(folder: &Folder, name: &str) -> Kept {
     let table = ecsv::read(folder.path(name).join("readings.ecsv")).unwrap();
     let text = |column: &str| -> Vec<String> {
@@ -441,8 +441,7 @@ fn from_a_plan_to_a_material_on_lines() {
     assert_eq!(commands[2].lines().count(), 4, "{}", commands[2]);
     for command in commands[2].lines() {
         let words = words(command);
-        let force = words.iter().any(|word| word == "plan").then_some("--force");
-        folder.done(&words.iter().map(String::as_str).chain(force).collect::<Vec<_>>());
+        folder.done(&words.iter().map(String::as_str).collect::<Vec<_>>());
     }
     let errors = assembled(&folder, case.law, "wired.bsdf");
     assert!(errors.ours[1] < 0.03, "{:?}", errors.ours);

@@ -378,7 +378,7 @@ impl InBeam {
     pub const ALL: [Self; 6] =
         [Self::Blocked, Self::Head, Self::Nothing, Self::Sample, Self::Standard, Self::Through];
 
-    /// Its name on a line.
+    /// Name of it on a line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Blocked => "blocked",

@@ -56,7 +56,7 @@ pub struct Settling {
 }
 
 impl Settling {
-    /// What the lines of a run that was begun before tell, for one that goes on with it: as if its readings were taken once more, with `settle_s` from its plan. `is_same_light` says of two places one after the other whether the
+    /// Takes what the lines of a run that was begun before tell, for one that goes on with it: as if its readings were taken once more, with `settle_s` from its plan. `is_same_light` says of two places one after the other whether the
     /// same thing was in the beam.
     pub fn of_run<'a, K: PartialEq>(
         lines: impl Iterator<Item = Seen<'a, K>>,

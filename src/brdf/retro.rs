@@ -108,6 +108,7 @@ fn take(
     };
     let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
+    args.hands.check(virtual_rig.is_some())?;
     let mut opened = open(plan, virtual_rig.as_ref(), &clock, &cancel)?;
     let devices = opened.describe(&clock)?;
     let rig_text = plan.rig.as_ref().map(Document::source);

@@ -9,11 +9,13 @@ use hifitime::Epoch;
 use serde::Serialize;
 use serde_json::Value;
 use std::io::IsTerminal as _;
+#[cfg(unix)]
+use std::os::fd::AsFd as _;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
@@ -272,25 +274,36 @@ impl Person {
         }
     }
 
-    /// Lets the program do it.
+    /// Lets the program do it. It has a process group of its own: Ctrl-C is for the run, which ends all of the group.
     fn call(&self, program: &Path, place: InBeam) -> anyhow::Result<()> {
         const LOOK: Duration = Duration::from_millis(5);
+        const SLOW: Duration = Duration::from_secs(10);
         let (shown, name) = (program.display(), place.name());
-        // What it says is for the person, not for the result.
-        let mut child = Command::new(program)
-            .arg(name)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn()
-            .with_context(|| format!("--hands {shown}: it does not start"))?;
+        let mut command = Command::new(program);
+        command.arg(name).stdin(Stdio::null());
+        #[cfg(unix)]
+        {
+            // What it says is for the person, not for the result.
+            let said = std::io::stderr().as_fd().try_clone_to_owned().context("--hands")?;
+            command.stdout(Stdio::from(said));
+            std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        }
+        #[cfg(not(unix))]
+        command.stdout(Stdio::null());
+        let mut child =
+            command.spawn().with_context(|| format!("--hands {shown}: it does not start"))?;
+        let (begun, mut told) = (Instant::now(), false);
         let status = loop {
+            if self.cancel.is_cancelled() {
+                end_program(&mut child);
+                bail!("stopped before {shown} {name} ended: go on with --resume");
+            }
             if let Some(status) = child.try_wait().context("--hands")? {
                 break status;
             }
-            if self.cancel.is_cancelled() {
-                let _ = child.kill();
-                let _ = child.wait();
-                bail!("stopped before {shown} {name} ended: go on with --resume");
+            if !told && begun.elapsed() > SLOW {
+                self.console.say(&format!("waiting for {shown} {name} to end"));
+                told = true;
             }
             std::thread::sleep(LOOK);
         };
@@ -298,5 +311,49 @@ impl Person {
             bail!("{shown} {name} ended with {status}: see to it, and go on with --resume");
         }
         Ok(())
+    }
+}
+
+impl HandsArgs {
+    /// Refuses a program that cannot be called, before anything moves; `is_virtual` of a bench that has its own hands.
+    pub fn check(&self, is_virtual: bool) -> anyhow::Result<()> {
+        let Some(program) = &self.hands else { return Ok(()) };
+        let shown = program.display();
+        if is_virtual {
+            bail!(Usage(format!(
+                "--hands {shown}: a virtual bench has hands of its own; leave it out"
+            )));
+        }
+        let is_name = program.components().count() == 1 && !program.starts_with(".");
+        if is_name && program.is_file() {
+            bail!(Usage(format!("--hands {shown}: it is a file here; write ./{shown}")));
+        }
+        if !is_name && !program.is_file() {
+            bail!(Usage(format!("--hands {shown}: there is no such program")));
+        }
+        Ok(())
+    }
+}
+
+/// Ends a program with those that it has started: asked first, at once where it does not listen.
+fn end_program(child: &mut Child) {
+    const PATIENCE: Duration = Duration::from_secs(3);
+    signal(child, "-TERM");
+    let until = Instant::now() + PATIENCE;
+    while cfg!(unix) && Instant::now() < until && matches!(child.try_wait(), Ok(None)) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    signal(child, "-KILL");
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+/// Sends a signal to a program and those that it has started.
+fn signal(child: &Child, signal: &str) {
+    if cfg!(unix) {
+        let group = format!("-{}", child.id());
+        let mut command = Command::new("kill");
+        command.args([signal, "--", &group]).stdin(Stdio::null()).stdout(Stdio::null());
+        let _ = command.stderr(Stdio::null()).status();
     }
 }

@@ -242,6 +242,7 @@ fn take(
     };
     let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
+    args.hands.check(virtual_bench.is_some())?;
     let mut opened = open(bench, virtual_bench.as_ref(), &clock, &cancel)?;
     let devices = serde_json::to_value(opened.describe(&clock)?)?;
     let mut kinematics = Kinematics::new(bench);

@@ -30,7 +30,7 @@ pub struct ServeArgs {
     /// Serve on a TCP port of this computer, or of another of its addresses; port 0 takes a free one. A goniometer's devices are at PORT, PORT + 1 and so on
     #[arg(long, value_name = "[ADDRESS:]PORT")]
     pub tcp: Option<String>,
-    /// Of a goniometer: write the bench for `brdf run --bench`, with the devices at their ports
+    /// Write the bench of a goniometer for `brdf run --bench`, with the devices at their ports
     #[arg(short, long, value_name = "BENCH.toml")]
     pub output: Option<PathBuf>,
     /// Overwrite a bench that is there
@@ -55,7 +55,7 @@ struct OnPty<'a> {
 #[derive(Serialize)]
 struct OnBench {
     name: &'static str,
-    /// What drives it: a driver's address, or the hands' port.
+    /// Address of its driver, or of the hands' port.
     address: String,
     with: Vec<String>,
 }

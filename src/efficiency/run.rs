@@ -253,6 +253,7 @@ fn take(
     let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.as_ref());
     let pace = Pace { clock: clock.clone(), cancel };
     // A device that is not there leaves no run behind.
+    args.hands.check(virtual_rig.is_some())?;
     let mut opened = open(plan, virtual_rig.as_ref(), &pace)?;
     let devices = opened.describe(&pace)?;
     let rig_text = plan.rig.as_ref().map(Document::source);

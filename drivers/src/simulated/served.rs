@@ -27,7 +27,7 @@ const DAY: Duration = Duration::from_secs(86_400);
 const GRACE: Duration = Duration::from_millis(500);
 /// Time after which a pty forgets that a host wanted it for itself: the system keeps that wish of one that was killed, since the port stays open.
 const UNLOCK: Duration = Duration::from_millis(50);
-/// Time in which answers to a host that has gone are heard and dropped: they are none for the next one.
+/// Time in which answers to a host that has gone are heard and dropped even where the next one waits: they are none for it.
 const LATE: Duration = Duration::from_millis(50);
 /// Most hosts that wait so.
 const MOST_WAITING: usize = 8;
@@ -172,6 +172,8 @@ impl Served {
                 None => port.next()?,
             };
             let Some((stream, host)) = next else {
+                // Without a host it goes on, too, and what it says is for nobody.
+                self.line.discard(&Deadline::within(LATE))?;
                 std::thread::sleep(Duration::from_millis(5));
                 continue;
             };
@@ -291,6 +293,10 @@ impl Pty {
             std::fs::OpenOptions::new().read(true).write(true).custom_flags(flags).open(&port);
         let held = held.map_err(fail)?;
         if let Some(link) = link {
+            // The name of a pty that has gone, of a server that was killed.
+            if std::fs::read_link(link).is_ok_and(|to| to.starts_with("/dev/pts") && !to.exists()) {
+                let _ = std::fs::remove_file(link);
+            }
             std::os::unix::fs::symlink(&port, link).map_err(|source| match source.kind() {
                 io::ErrorKind::AlreadyExists => ServeError::Taken { path: link.to_owned() },
                 _ => ServeError::System {

@@ -491,7 +491,7 @@ fn file(
         Tensor::f32("ln_doubt", &[np, nt, side, side], doubt),
     ];
     if !instrument.missing.is_empty() {
-        let one = |what: &String| what.replace(['\n', '\r'], " ");
+        let one = |what: &String| what.replace(char::is_control, " ");
         let lines: Vec<String> = instrument.missing.iter().map(one).collect();
         tensors.push(Tensor::u8(NOT_MEASURED, lines.join("\n")));
     }

@@ -97,7 +97,7 @@ pub fn to_toml(fit: &Fit, law: &LawFit, name: &str, index_name: Option<&str>) ->
     let flaws: String = fit
         .flaws
         .iter()
-        .map(|f| format!("# {}\n", f.to_string().replace(['\n', '\r'], " ")))
+        .map(|f| format!("# {}\n", f.to_string().replace(char::is_control, " ")))
         .collect();
     let _ = writeln!(
         text,

@@ -129,7 +129,10 @@ fn all(
     let begun = done.iter().any(|(part, _)| *part == Part::Direction);
     let goes_on = left.first().is_some_and(|task| task.part == Part::Direction);
     let settle_s = bench.meter.settle_s.get();
-    let same_light = |a: &(Part, u32), b: &(Part, u32)| a.0.place() == b.0.place();
+    // A run that goes on looks at the reference first, long after the place before.
+    let same_light = |a: &(Part, u32), b: &(Part, u32)| {
+        a.0.place() == b.0.place() && !(b.0 == Part::Reference && b.1 >= RESUMED)
+    };
     let mut run = Run {
         rig,
         bench,

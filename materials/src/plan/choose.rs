@@ -242,6 +242,7 @@ fn chosen(
         let sum: f32 = with.iter().zip(looks).map(|(c, look)| look.1 * c * c).sum();
         f64::from(sum) / (variance.max(0.0) + NOISE * NOISE)
     };
+    let most = most.min(places.len());
     let mut all: Vec<Candidate> = places
         .par_iter()
         .map(|place| {
@@ -249,10 +250,9 @@ fn chosen(
                 looks.iter().map(|look| covariance(place, &look.0, images) as f32).collect();
             let variance = covariance(place, place, images);
             let gain = gain(&with, variance);
-            Candidate { with, variance, parts: Vec::new(), gain, is_free: true }
+            Candidate { with, variance, parts: Vec::with_capacity(most), gain, is_free: true }
         })
         .collect();
-    let most = most.min(places.len());
     progress.begin("directions", Some(most as u64));
     let mut order = Vec::with_capacity(most);
     while order.len() < most {

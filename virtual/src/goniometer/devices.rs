@@ -105,7 +105,7 @@ impl VirtualGoniometer {
         (state.place, state.light) = (place, None);
     }
 
-    /// What is in the beam.
+    /// Returns what is in the beam.
     pub fn placed(&self) -> InBeam {
         self.state().place
     }

@@ -298,7 +298,7 @@ pub enum Flaw {
         /// Root mean square of ln f(i, o)/f(o, i).
         rms_ln: f64,
     },
-    /// A quantity of the instrument that was not measured. Doubts and intervals are wider for it.
+    /// A quantity of the instrument that was not measured. Doubts are wider for it, and the intervals of strengths but for the zeros.
     NotMeasured {
         /// Name of the quantity, and what is assumed instead.
         quantity: String,
@@ -495,8 +495,11 @@ impl SurfaceFit {
             let _ = writeln!(text, "colour_ln = {:.4}", colour.most_apart_ln);
         }
         if !self.flaws.is_empty() {
-            let said: Vec<String> =
-                self.flaws.iter().map(|f| format!("{:?}", f.to_string())).collect();
+            let said: Vec<String> = self
+                .flaws
+                .iter()
+                .map(|f| format!("{:?}", f.to_string().replace(char::is_control, " ")))
+                .collect();
             let _ = writeln!(text, "said = [{}]", said.join(", "));
         }
         text

@@ -55,7 +55,7 @@ impl Products {
     }
 }
 
-/// What an end brings to the patches straight, and by some channels.
+/// Rows of what an end brings to the patches straight, and by some channels.
 fn brought<'a>(end: &'a End, channels: &[usize]) -> Vec<&'a Vec<f64>> {
     let gain = channels.iter().map(|c| &end.gain.fine[*c]);
     std::iter::once(&end.straight[0]).chain(gain).collect()
