@@ -286,6 +286,13 @@ impl Pty {
         use serialport::SerialPort as _;
         use std::os::unix::fs::OpenOptionsExt as _;
         let fail = |source| ServeError::System { action: "open", what: "a pty".to_owned(), source };
+        // The name of a pty that has gone, of a server that was killed: looked at before a new one may have its number.
+        let is_gone = |link: &&Path| {
+            std::fs::read_link(link).is_ok_and(|to| to.starts_with("/dev/pts") && !to.exists())
+        };
+        if let Some(link) = link.filter(is_gone) {
+            let _ = std::fs::remove_file(link);
+        }
         let (device, host) = serialport::TTYPort::pair().map_err(|error| fail(error.into()))?;
         let port = host.name().unwrap_or_default();
         let flags = nix::fcntl::OFlag::O_NOCTTY.bits();
@@ -293,10 +300,6 @@ impl Pty {
             std::fs::OpenOptions::new().read(true).write(true).custom_flags(flags).open(&port);
         let held = held.map_err(fail)?;
         if let Some(link) = link {
-            // The name of a pty that has gone, of a server that was killed.
-            if std::fs::read_link(link).is_ok_and(|to| to.starts_with("/dev/pts") && !to.exists()) {
-                let _ = std::fs::remove_file(link);
-            }
             std::os::unix::fs::symlink(&port, link).map_err(|source| match source.kind() {
                 io::ErrorKind::AlreadyExists => ServeError::Taken { path: link.to_owned() },
                 _ => ServeError::System {
