@@ -10,8 +10,8 @@ use sunglint_numerics::order::quantile;
 /// With fewer stars a resample often holds one star several times and little else: Student's t stands in.
 pub(super) const FEWEST: usize = 8;
 
-/// Student's t of 97.5 % by degrees of freedom, 1 to 6 (any table).
-const T_975: [f64; 6] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447];
+/// Student's t of 97.5 % by degrees of freedom, 1 to 7 (any table).
+const T_975: [f64; 7] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365];
 
 /// How an interval was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,12 +30,18 @@ pub(super) fn intervals(
     options: &Options,
 ) -> (Vec<(f64, f64)>, Method) {
     let confidence = options.confidence;
-    if stars.len() < FEWEST {
-        let freedom = stars.len().saturating_sub(1).clamp(1, T_975.len());
+    let measured = |i: usize| stars.iter().filter(|star| star.a[(i, i)] > 0.0).count();
+    let student = |i: usize| {
+        let own = measured(i);
+        // What a channel shares with the others more stars tell; what is its own takes one degree of them.
+        let freedom = own.saturating_sub(usize::from(own == stars.len())).clamp(1, T_975.len());
         // Of another confidence the 95 % value scaled as the normal distribution's.
         let t = T_975[freedom - 1] * normal_quantile(0.5 + 0.5 * confidence) / 1.959_964;
-        let half = |i: usize| t * solution.covariance[(i, i)].sqrt();
-        return ((0..channels).map(|i| (half(i), half(i))).collect(), Method::Student);
+        let half = t * solution.covariance[(i, i)].sqrt();
+        (half, half)
+    };
+    if stars.len() < FEWEST {
+        return ((0..channels).map(student).collect(), Method::Student);
     }
     let spread = sandwich(&stars.iter().collect::<Vec<_>>(), solution);
     let mut draws: Vec<Vec<f64>> = vec![Vec::new(); channels];
@@ -54,6 +60,9 @@ pub(super) fn intervals(
     }
     let tail = 0.5 * (1.0 - confidence);
     let interval = |(i, draws): (usize, &mut Vec<f64>)| {
+        if measured(i) < FEWEST {
+            return student(i);
+        }
         draws.sort_by(f64::total_cmp);
         // The upper tail of the resamples says how far below the truth may lie.
         (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
