@@ -2,7 +2,7 @@
 
 use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, Usage};
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -77,11 +77,15 @@ fn place(tcp: &str) -> anyhow::Result<(String, u16)> {
     Ok((host.to_owned(), port))
 }
 
-/// Warns of a port that others reach.
-fn warn(at: SocketAddr, console: Console) {
-    if !at.ip().is_loopback() {
+/// Warns of ports that others reach.
+fn warn(ports: &[SocketAddr], console: Console) {
+    let open: Vec<String> =
+        ports.iter().filter(|at| !at.ip().is_loopback()).map(ToString::to_string).collect();
+    if !open.is_empty() {
+        let what = if open.len() == 1 { "the device" } else { "the devices" };
         console.warn(&format!(
-            "{at} can be reached from other computers, and anybody there may use the device"
+            "{} can be reached from other computers, and anybody there may use {what}",
+            open.join(", ")
         ));
     }
 }
@@ -122,7 +126,7 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
         let (host, port) = place(tcp)?;
         let port = Port::listen(&format!("{host}:{port}"))?;
         let at = port.at();
-        warn(at, console);
+        warn(&[at], console);
         let text = format!("{name} at tcp:{at}; Ctrl-C ends");
         console.result(&text, &AtPort { device: name, tcp: at.to_string() })?;
         return Ok(served.at_port(&port, &cancel, visits(name, console))?);
@@ -133,6 +137,15 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
     let text = format!("{name} at {shown}; Ctrl-C ends");
     console.result(&text, &OnPty { device: name, pty: pty.port(), path: &shown })?;
     Ok(served.on_pty(&mut pty, &cancel)?)
+}
+
+/// Stops all devices when one of them ends.
+struct Ends<'a>(&'a Cancel);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
 }
 
 /// A port of either kind.
@@ -178,9 +191,13 @@ fn goniometer(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
         devices.push(OnBench { name: wire.name, address, with: wire.with });
         ends.push((Served::on_line(wire.name, wire.line), end));
     }
-    if let Some((_, End::Tcp(port))) = ends.first() {
-        warn(port.at(), console);
-    }
+    let ports: Vec<SocketAddr> = (ends.iter())
+        .filter_map(|(_, end)| match end {
+            End::Tcp(port) => Some(port.at()),
+            End::Pty(_) => None,
+        })
+        .collect();
+    warn(&ports, console);
     if let Some(path) = &args.output {
         let driven = devices.iter().filter(|device| device.name != "hands");
         let driven: Vec<_> =
@@ -194,21 +211,22 @@ fn goniometer(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
     // The first failure ends all.
     std::thread::scope(|scope| {
         let threads = ends.into_iter().map(|(mut served, mut end)| {
-            let cancel = &cancel;
-            scope.spawn(move || -> Result<(), ServeError> {
-                let name = served.name();
-                let ended = match &mut end {
+            let (cancel, name) = (&cancel, served.name());
+            let thread = scope.spawn(move || -> Result<(), ServeError> {
+                // A device that breaks off, in whatever way, ends all.
+                let _ends = Ends(cancel);
+                match &mut end {
                     End::Pty(pty) => served.on_pty(pty, cancel),
                     End::Tcp(port) => served.at_port(port, cancel, visits(name, console)),
-                };
-                cancel.cancel();
-                ended
-            })
+                }
+            });
+            (name, thread)
         });
         let threads: Vec<_> = threads.collect();
-        for thread in threads {
-            if let Ok(ended) = thread.join() {
-                ended?;
+        for (name, thread) in threads {
+            match thread.join() {
+                Ok(ended) => ended?,
+                Err(_) => bail!("{name}: the simulated device broke down (a fault of sunglint)"),
             }
         }
         Ok(())
