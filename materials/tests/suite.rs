@@ -7,4 +7,5 @@ mod material;
 mod ndf;
 mod plan;
 mod retro;
+mod retro_intervals;
 mod settling;
