@@ -9,11 +9,27 @@ use serde::Serialize;
 use serde_json::Value;
 use std::f64::consts::PI;
 use sunglint_formats::Meta;
+use sunglint_simulator::surface::conductor;
 
 /// Half-width of a 95 % interval over the standard deviation.
 pub(crate) const HALF: f64 = 1.96;
-/// Largest part of a value that is taken to be stray light.
+/// Largest part of a value that is taken to be stray light, or to be missing by its polarisation.
 const MOST_STRAY: f64 = 0.95;
+/// Refractive index of facets that nobody told of: of those that shine few polarise more.
+const GLASS: [f64; 2] = [1.5, 0.0];
+
+/// Polarisation of a measurement: the share that is polarised across the plane of incidence less that in it.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Polarised {
+    /// The table says nothing of it, as those of other programs.
+    #[default]
+    Unsaid,
+    /// The run did not know it: any share is as likely.
+    Unknown,
+    /// The share, −1 to 1.
+    Known(f64),
+}
 
 /// An instrument as a table says it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -32,6 +48,10 @@ pub struct TableInstrument {
     pub stray_bound_per_sr: Option<f64>,
     /// Standard uncertainty of the angles that all directions share, degrees.
     pub zero_sigma_deg: f64,
+    /// Polarisation of the measurement.
+    pub polarised: Polarised,
+    /// Refractive index n + ik of the sample's facets, where the run knew it.
+    pub index: Option<[f64; 2]>,
     /// Quantities that were not measured, and what is assumed instead.
     pub missing: Vec<String>,
 }
@@ -90,6 +110,17 @@ impl TableInstrument {
             number(&of, it["zeros"][name].get(1), MOST_DEG).unwrap_or(0.0)
         };
         let zero_sigma_deg = axis("sample_deg").hypot(axis("detector_deg"));
+        let polarised = match it.get("polarised") {
+            None => Polarised::Unsaid,
+            Some(share) => match share.as_f64().filter(|share| (-1.0..=1.0).contains(share)) {
+                Some(share) => Polarised::Known(share),
+                None => Polarised::Unknown,
+            },
+        };
+        let part = |k: usize, least: f64| {
+            it["sample_index"].get(k)?.as_f64().filter(|v| (least..=100.0).contains(v))
+        };
+        let index = part(0, 0.01).zip(part(1, 0.0)).map(|(n, k)| [n, k]);
         Some(Self {
             cone_half_angle_deg,
             source_half_angle_deg,
@@ -98,6 +129,8 @@ impl TableInstrument {
             common_additive_per_sr: shared.unwrap_or(0.0),
             stray_bound_per_sr: stray,
             zero_sigma_deg,
+            polarised,
+            index,
             missing,
         })
     }
@@ -116,11 +149,38 @@ impl TableInstrument {
         (HALF * self.common_additive_per_sr).hypot(stray)
     }
 
-    /// The same of ln f where f is a value, sr⁻¹. Where all of a value may be stray light the surface may have nearly nothing.
+    /// The same of ln f from `i` to `o` where f is a value, sr⁻¹, and of the light's polarisation. Where all of a value may be stray light the surface may have nearly nothing.
     #[must_use]
-    pub fn shared_ln(&self, value_per_sr: f64, cos_o: f64) -> f64 {
-        let part = self.shared_per_sr(cos_o) / value_per_sr;
-        (-(-part.min(MOST_STRAY)).ln_1p()).max(part.ln_1p())
+    pub fn shared_ln(&self, value_per_sr: f64, i: DVec3, o: DVec3) -> f64 {
+        let part = self.shared_per_sr(o.z) / value_per_sr;
+        let light = (-(-part.min(MOST_STRAY)).ln_1p()).max(part.ln_1p());
+        light.hypot(self.polarised_ln(i, o))
+    }
+
+    /// Half-width of the 95 % interval of ln f by the polarisation of the measurement's light, where f is that of light without. A facet from `i` to `o` polarises such light to D = (R_s − R_p)/(R_s + R_p) (Born and Wolf, Principles of
+    /// Optics, §1.5.3), and is measured as 1 + P D with a share P. Light from below the surface has lost its polarisation, and a lobe may be of both: all up to D is allowed for. Of an unknown P the half-width is 1.96 standard
+    /// deviations of an even distribution.
+    #[must_use]
+    pub fn polarised_ln(&self, i: DVec3, o: DVec3) -> f64 {
+        let [n, k] = self.index.unwrap_or(GLASS);
+        let cos = i.dot((i + o).normalize_or(DVec3::Z)).clamp(0.0, 1.0);
+        let degree = || {
+            let whole = conductor::fresnel(n, k, cos);
+            if whole > 0.0 { conductor::difference(n, k, cos) / whole } else { 0.0 }
+        };
+        match self.polarised {
+            Polarised::Unsaid => 0.0,
+            Polarised::Unknown => HALF * degree() / 3.0_f64.sqrt(),
+            Polarised::Known(0.0) => 0.0,
+            Polarised::Known(share) => (share * degree()).max(-MOST_STRAY).ln_1p().abs(),
+        }
+    }
+
+    /// Standard deviation of the logarithm of a lobe's strength by the same, from values in some directions.
+    pub fn strength_sigma_ln(&self, directions: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
+        let (sum, n) = directions
+            .fold((0.0, 0.0), |(sum, n), (i, o)| (sum + self.polarised_ln(i, o).powi(2), n + 1.0));
+        if n > 0.0 { (sum / n).sqrt() / HALF } else { 0.0 }
     }
 
     /// Standard deviation of the logarithm of a diffuse reflectance by that light.
@@ -175,9 +235,48 @@ mod tests {
         let fits = samples(json!({ "INSTRUME": it.to_string(), "SCALESIG": 0.01 }));
         assert_eq!(TableInstrument::of(&fits), Some(found));
         assert_eq!(TableInstrument::of(&samples(json!({ "instrument": "Reflet 180" }))), None);
+        assert_eq!(
+            TableInstrument::of(&samples(json!({ "instrument": it }))).unwrap().polarised,
+            Polarised::Unsaid
+        );
         let bad = samples(json!({ "instrument": { "cone_half_angle_deg": "wide" } }));
         let bad = TableInstrument::of(&bad).unwrap();
         assert!(bad.cone_half_angle_deg.is_none() && bad.is_source_unknown());
         assert!(bad.missing[0].contains("\"wide\""), "{:?}", bad.missing);
+    }
+
+    /// Truth: Hecht, Optics (4th ed.), fig. 4.41 and eqs. 4.34 and 4.40, glass of 1.5: at 45° R_s = 9.20 % and R_p = 0.85 %, at Brewster's angle (arctan 1.5) R_p = 0. What is measured in light of which a share P is across the plane of incidence is
+    /// ((1 + P) R_s + (1 − P) R_p)/2, and the doubt holds ln of that over the light without polarisation. Tolerance: the digits of the figures; at Brewster's angle P = −1 measures nothing, and the doubt is the ln 20 that is the most.
+    #[test]
+    fn a_polarised_beam_widens_by_what_glass_reflects_of_it() {
+        let at = |deg: f64| {
+            let (sin, cos) = deg.to_radians().sin_cos();
+            (DVec3::new(sin, 0.0, cos), DVec3::new(-sin, 0.0, cos))
+        };
+        let half = |polarised, deg| {
+            let (i, o) = at(deg);
+            TableInstrument { polarised, ..Default::default() }.polarised_ln(i, o)
+        };
+        for (share, deg, s, p) in [(1.0, 45.0, 9.20, 0.85), (-0.6, 45.0, 9.20, 0.85)] {
+            let measured: f64 = 0.5 * ((1.0 + share) * s + (1.0 - share) * p);
+            let truth = (measured / (0.5 * (s + p))).ln().abs();
+            let found = half(Polarised::Known(share), deg);
+            assert!((found - truth).abs() < 2e-3, "{share}: {found} {truth}");
+        }
+        let brewster = 1.5_f64.atan().to_degrees();
+        assert!((half(Polarised::Known(1.0), brewster) - 2.0_f64.ln()).abs() < 1e-12);
+        assert!((half(Polarised::Known(-1.0), brewster) - 20.0_f64.ln()).abs() < 1e-9);
+        assert!((half(Polarised::Unknown, brewster) - 1.96 / 3.0_f64.sqrt()).abs() < 1e-12);
+        assert!(half(Polarised::Known(-1.0), 0.0) < 1e-12);
+        assert_eq!(half(Polarised::Unsaid, brewster) + half(Polarised::Known(0.0), 60.0), 0.0);
+        // Aluminium at 633 nm (n = 1.37, k = 7.62): R_s and R_p at 60° by Python's complex numbers (Born and Wolf, §1.5.2, with a complex index).
+        let metal = TableInstrument {
+            polarised: Polarised::Known(1.0),
+            index: Some([1.37, 7.62]),
+            ..Default::default()
+        };
+        let (i, o) = at(60.0);
+        let truth = (2.0_f64 * 0.956_261_3 / (0.956_261_3 + 0.839_632_5)).ln();
+        assert!((metal.polarised_ln(i, o) - truth).abs() < 1e-6, "{}", metal.polarised_ln(i, o));
     }
 }

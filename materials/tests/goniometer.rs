@@ -7,8 +7,8 @@ use glam::DVec3;
 use std::sync::Arc;
 use sunglint_drivers::clock::{Cancel, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{InBeam, RotationStage};
-use sunglint_formats::toml::Document;
-use sunglint_materials::assemble::{AssembleOptions, Assembled, assemble, not_measured};
+use sunglint_formats::toml::{Document, Within};
+use sunglint_materials::assemble::{AssembleOptions, Assembled, Doubt, assemble, not_measured};
 use sunglint_materials::fit::surface::{Flaw, SurfaceFit, SurfaceOptions, fit_surface};
 use sunglint_materials::fit::{self, FitOptions, Law, LobeKind, to_toml};
 use sunglint_materials::goniometer::bench::Bench;
@@ -599,6 +599,57 @@ fn a_missing_signature_is_named_by_laws_and_materials() {
     assert!(to_toml(&one, &one.laws[0], "x", None).contains("the signature"));
     // The file says it, too.
     assert!(named(&not_measured(&blind_made.file)) && not_measured(&made.file).is_empty());
+}
+
+/// Truth: Fresnel's equations for glass of 1.5 (Hecht, Optics, eqs. 4.34 and 4.40): at half of 112.62° between light and observer (Brewster's angle) a facet has no light polarised in the plane, so that in light of which 80 % more is across it f is measured as 1.8 f. A
+/// bench that does not say how its light is polarised is named for it, and doubts most there; one that says 0 does not. The values are the same, and so is the doubt at the normal, but for 2 %: samples beside it share theirs.
+#[test]
+fn the_polarisation_of_the_light_is_in_the_doubt() {
+    let mut options = lobe_under(1e-5, 3);
+    options.sample.alpha = 0.2;
+    let ndf = density(&Light::new(options.clone()).unwrap());
+    let small = AssembleOptions { theta_i: 8, side: 17, normals: 32, ..Default::default() };
+    let of = |polarised: Option<f64>| {
+        let mut bench = bench(THREE_AXES);
+        // As with devices: a virtual bench knows that its light has none.
+        bench.virtual_bench = None;
+        bench.beam.polarised = polarised.map(|share| Within::new(share).unwrap());
+        let (_, _, found) = whole(&bench, &options, &in_the_plane());
+        let made = assemble(&found.samples, &ndf, &small, &Silent).unwrap();
+        (found, made)
+    };
+    let (plain, plain_made) = of(Some(0.0));
+    let (unsaid, unsaid_made) = of(None);
+    let (laser, laser_made) = of(Some(0.8));
+    let named = |all: &[String]| all.iter().any(|text| text.contains("polarisation"));
+    assert!(!named(&plain.warnings) && !named(&laser.warnings) && named(&unsaid.warnings));
+    assert!(named(&not_measured(&unsaid_made.file)) && !named(&not_measured(&laser_made.file)));
+    assert_eq!(laser.samples.rows, plain.samples.rows);
+    assert_eq!(laser.instrument.polarised, Some(0.8));
+    let at = |made: &Assembled, theta_i_deg: f64| {
+        let near = |d: &&Doubt| d.phi_o_deg.abs() == 180.0 && d.theta_o_deg == 60.0;
+        let mut found: Vec<&Doubt> = made.doubts.iter().filter(near).collect();
+        let off = |d: &Doubt| (d.theta_i_deg - theta_i_deg).abs();
+        found.sort_by(|a, b| off(a).total_cmp(&off(b)));
+        (found[0].theta_i_deg, found[0].ln_doubt)
+    };
+    let (theta, own) = at(&plain_made, 55.0);
+    let brewster = (0.5 * (theta + 60.0) - 1.5_f64.atan().to_degrees()).abs();
+    assert!(brewster < 5.0, "{theta}");
+    // 5° beside Brewster's angle glass polarises to 0.95 at least.
+    let both = [(&laser_made, (1.0_f64 + 0.8 * 0.95).ln()), (&unsaid_made, 0.95 * 1.13)];
+    for (made, least) in both {
+        let (_, found) = at(made, 55.0);
+        eprintln!("at {theta:.1} and 60: {found:.3} for {own:.3}, at least {least:.3}");
+        assert!(found >= least && found <= (least / 0.95).hypot(own) + 0.05, "{found} {own}");
+    }
+    let normal = |made: &Assembled| {
+        let small = |d: &&Doubt| d.theta_o_deg == 0.0 && d.theta_i_deg < 5.0;
+        made.doubts.iter().find(small).map(|d| d.ln_doubt)
+    };
+    if let [Some(plain), Some(laser)] = [&plain_made, &laser_made].map(normal) {
+        assert!((laser - plain).abs() < 0.02, "{plain} {laser}");
+    }
 }
 
 /// A missing quantity is named each time, and widens the uncertainty.

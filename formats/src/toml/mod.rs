@@ -35,5 +35,47 @@ mod error;
 mod numbers;
 mod units;
 
+use std::fmt::Write as _;
+
 pub use document::Document;
 pub use numbers::{Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive, Within};
+
+/// A text as a basic string of TOML 1.0, quotation marks and all: whatever is in it is read back the same.
+///
+/// ```
+/// use sunglint_formats::toml::quoted;
+///
+/// assert_eq!(quoted("black \"paint\"\u{7f}"), r#""black \"paint\"\u007F""#);
+/// ```
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    let mut made = String::with_capacity(text.len() + 2);
+    made.push('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => made.extend(['\\', c]),
+            c if c.is_ascii_control() => {
+                let _ = write!(made, "\\u{:04X}", u32::from(c));
+            }
+            c => made.push(c),
+        }
+    }
+    made.push('"');
+    made
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    /// Truth: the reader of the package `toml`: each character of the first 0x3000, alone and between others, is read back.
+    #[test]
+    fn what_is_quoted_is_read_back() {
+        for c in (0..0x3000).filter_map(char::from_u32) {
+            for text in [c.to_string(), format!("a{c}\\{c}\"b")] {
+                let table: ::toml::Table = format!("name = {}", quoted(&text)).parse().unwrap();
+                assert_eq!(table["name"].as_str(), Some(&*text), "U+{:04X}", u32::from(c));
+            }
+        }
+    }
+}

@@ -314,7 +314,7 @@ impl<'a> Field<'a> {
             let aside = instrument.aside(i, o).map(|o| microfacets.glint_through(i, o, radius));
             let zero = aside.map(|aside| apart(aside, lobe[k])).fold(0.0, f64::max);
             (part * apart(lobe[k], plain[k]))
-                .hypot(instrument.shared_ln(darkest, o.z))
+                .hypot(instrument.shared_ln(darkest, i, o))
                 .hypot(HALF * zero)
         };
         let unknown = (0..directions.len()).into_par_iter().map(of_sample).collect();

@@ -226,7 +226,10 @@ pub fn assemble(
     let shared = (2.0 * instrument.scale_sigma).exp_m1();
     let with_shared = |c: Coverage| {
         let stray = TAU * instrument.shared_per_sr(1.0) / c.albedo.max(f64::MIN_POSITIVE);
-        Coverage { albedo_doubt: c.albedo_doubt.hypot(shared).hypot(stray), ..c }
+        let i = spherical(c.theta_i_deg.to_radians(), 0.0);
+        let polarised = instrument.polarised_ln(i, DVec3::new(-i.x, -i.y, i.z)).exp_m1();
+        let doubt = c.albedo_doubt.hypot(shared).hypot(stray).hypot(polarised);
+        Coverage { albedo_doubt: doubt, ..c }
     };
     let coverage: Vec<Coverage> = slices.iter().map(|s| with_shared(s.coverage)).collect();
     let doubts = doubt::by_direction(&field, &coverage, microfacets.is_isotropic());

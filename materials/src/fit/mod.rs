@@ -118,7 +118,7 @@ pub fn fit(samples: &Samples, options: &FitOptions) -> Result<Fit, FitError> {
         figures(&data, &best.law.with(&best.values(), rise.as_ref()))
     });
     if let Some(instrument) = TableInstrument::of(samples) {
-        fits.iter_mut().for_each(|fit| widen(fit, &instrument, used.len()));
+        fits.iter_mut().for_each(|fit| widen(fit, &instrument, &data));
         let diffuse = fits.first().and_then(|best| {
             let is_diffuse = |p: &&Parameter| DIFFUSE.contains(&p.name);
             best.parameters.iter().find(is_diffuse).map(|p| p.value)
@@ -644,14 +644,16 @@ const STRENGTHS: [&str; 5] = ["reflectance", "a_per_sr", "bias_per_sr", "volume"
 /// Reflectances of diffuse light, which stray light looks like.
 const DIFFUSE: [&str; 2] = ["volume", "diffuse"];
 
-/// Widens the intervals of strengths for the scale that all values share, and those of diffuse light for the stray light in them: no number of values makes their error smaller.
-fn widen(fit: &mut LawFit, instrument: &TableInstrument, values: usize) {
-    let dof = values.saturating_sub(fit.parameters.len()).max(1) as f64;
+/// Widens the intervals of strengths for the scale that all values share, and those of diffuse light for the stray light in them, those of lobes for the polarisation they were measured in: no number of values makes their error smaller.
+fn widen(fit: &mut LawFit, instrument: &TableInstrument, data: &Data) {
+    let dof = data.ln.len().saturating_sub(fit.parameters.len()).max(1) as f64;
     let quantile = student_quantile(dof);
+    let polarised =
+        instrument.strength_sigma_ln(data.i.iter().copied().zip(data.o.iter().copied()));
     for p in fit.parameters.iter_mut().filter(|p| STRENGTHS.contains(&p.name)) {
         let is_diffuse = DIFFUSE.contains(&p.name);
-        let stray = if is_diffuse { instrument.diffuse_sigma_ln(p.value) } else { 0.0 };
-        p.sigma_ln = p.sigma_ln.map(|own| own.hypot(instrument.scale_sigma).hypot(stray));
+        let part = if is_diffuse { instrument.diffuse_sigma_ln(p.value) } else { polarised };
+        p.sigma_ln = p.sigma_ln.map(|own| own.hypot(instrument.scale_sigma).hypot(part));
         if let (Some(sigma), Some(_)) = (p.sigma_ln, p.interval) {
             let half = (quantile * sigma).exp();
             p.interval = Some((p.value / half, p.value * half));

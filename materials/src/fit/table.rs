@@ -4,6 +4,7 @@ use super::{Fit, LawFit, LobeKind};
 use crate::samples::Samples;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use sunglint_formats::toml::quoted;
 use sunglint_formats::{Column, Meta, Table, Values};
 
 fn text(name: &str, values: Vec<String>) -> Column {
@@ -92,7 +93,6 @@ pub fn residual_table(fit: &Fit, samples: &Samples) -> Table {
 pub fn to_toml(fit: &Fit, law: &LawFit, name: &str, index_name: Option<&str>) -> String {
     let p = law.values();
     let mut text = String::new();
-    let quoted = |s: &str| format!("{s:?}");
     // A line each: none of them can end the comment.
     let flaws: String = fit
         .flaws

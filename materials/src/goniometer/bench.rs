@@ -175,6 +175,8 @@ pub struct Beam {
     pub filter_relative_sigma: NonNegative,
     /// The light's polarisation, in words.
     pub polarisation: Option<String>,
+    /// (I_s − I_p)/(I_s + I_p) of the light: 1 across the plane of incidence, −1 in it, 0 without polarisation, circular, or at 45°.
+    pub polarised: Option<Within<-1, 1>>,
 }
 
 impl Default for Beam {
@@ -184,6 +186,7 @@ impl Default for Beam {
             filter_transmission: good(Fraction::new(1.0)),
             filter_relative_sigma: good(NonNegative::new(0.0)),
             polarisation: None,
+            polarised: None,
         }
     }
 }
@@ -200,6 +203,8 @@ pub struct Aperture {
     pub relative_sigma: NonNegative,
     /// The detector's polarisation filter, in words.
     pub polarisation: Option<String>,
+    /// (T_s − T_p)/(T_s + T_p) of what the detector takes in: of a filter, or of a detector that tells polarisations apart. None is 0 where there are no words of a filter.
+    pub polarised: Option<Within<-1, 1>>,
 }
 
 impl Default for Aperture {
@@ -209,6 +214,7 @@ impl Default for Aperture {
             distance_mm: good(Positive::new(500.0)),
             relative_sigma: good(NonNegative::new(0.005)),
             polarisation: None,
+            polarised: None,
         }
     }
 }
@@ -223,6 +229,8 @@ pub struct SampleSize {
     pub height_mm: Positive,
     /// A direction whose beam lies on the sample and in the detector's field by a smaller part is refused.
     pub least_part: Fraction,
+    /// Refractive index n + ik of its facets: how far they polarise. None is glass's 1.5, which polarises more than nearly all that shines.
+    pub index: Option<(Positive, NonNegative)>,
 }
 
 impl Default for SampleSize {
@@ -231,6 +239,7 @@ impl Default for SampleSize {
             width_mm: good(Positive::new(50.0)),
             height_mm: good(Positive::new(50.0)),
             least_part: good(Fraction::new(0.5)),
+            index: None,
         }
     }
 }
@@ -387,6 +396,8 @@ pub struct Bench {
     pub stop_sigma: f64,
     /// Polarisation of the detector, in words.
     pub detector_polarisation: Option<String>,
+    /// (T_s − T_p)/(T_s + T_p) of the detector.
+    pub detector_polarised: Option<f64>,
     /// The sample's size.
     pub sample: SampleSize,
     /// Diameter of the detector's field at the sample, mm.
@@ -435,6 +446,7 @@ impl Bench {
             beam: written.beam,
             stop,
             stop_sigma: written.aperture.relative_sigma.get(),
+            detector_polarised: written.aperture.polarised.map(Within::get),
             detector_polarisation: written.aperture.polarisation,
             sample: written.sample,
             field_mm: written.field.map(|field| field.diameter_mm.get()),
@@ -447,6 +459,16 @@ impl Bench {
             source: document.source().to_owned(),
             virtual_bench,
         })
+    }
+
+    /// The share of what is measured that is polarised across the plane of incidence less that in it, of beam q and detector r together: f is measured as f (1 + D (q + r)/(1 + q r)) of a surface whose
+    /// facets reflect light without polarisation to the degree D. None where it is not said; a virtual goniometer's light has none.
+    #[must_use]
+    pub fn polarised(&self) -> Option<f64> {
+        let said = |number: Option<f64>, none: bool| number.or(none.then_some(0.0));
+        let beam = said(self.beam.polarised.map(Within::get), self.virtual_bench.is_some())?;
+        let detector = said(self.detector_polarised, self.detector_polarisation.is_none())?;
+        Some((beam + detector) / (1.0 + beam * detector))
     }
 
     /// The four axes, those that there are: sample, detector, azimuth, turn.
@@ -500,6 +522,11 @@ fn check(document: &Document, written: &Written) -> Result<(), BenchError> {
     }
     if !(5..=100_000).contains(&written.scan.reference_every) {
         return wrong("scan.reference_every", "5 to 100000 directions");
+    }
+    let degree = |number: Option<Within<-1, 1>>| number.map_or(0.0, Within::get);
+    if degree(written.beam.polarised) * degree(written.aperture.polarised) < -0.99 {
+        let expected = "a detector that takes in some of the beam ([beam] polarised): crossed polarisers have no incident power to divide by";
+        return wrong("aperture.polarised", expected);
     }
     let steps = |half: Positive, step: Positive| half.get() / step.get();
     let signature = &written.signature;

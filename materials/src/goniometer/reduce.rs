@@ -166,6 +166,10 @@ pub struct Instrument {
     pub least_part: f64,
     /// Polarisation of source and detector, in words.
     pub polarisation: [Option<String>; 2],
+    /// The share of what is measured that is polarised across the plane of incidence less that in it; none where it is not said.
+    pub polarised: Option<f64>,
+    /// Refractive index n + ik of the sample's facets, where it is said.
+    pub sample_index: Option<[f64; 2]>,
     /// Quantities that were not measured, and what is assumed instead.
     pub missing: Vec<String>,
 }
@@ -453,6 +457,9 @@ pub fn reduce(
             );
         }
     }
+    if bench.polarised().is_none() {
+        missing.push("the polarisation of beam and detector ([beam] polarised, [aperture] polarised): any is taken as likely, which a reflection tells most of at 56°".into());
+    }
     for what in &missing {
         warnings.push(format!("not measured: {what}"));
     }
@@ -482,6 +489,8 @@ pub fn reduce(
         mirrored,
         least_part: smallest_part,
         polarisation: [bench.beam.polarisation.clone(), bench.detector_polarisation.clone()],
+        polarised: bench.polarised(),
+        sample_index: bench.sample.index.map(|(n, k)| [n.get(), k.get()]),
         missing,
     };
     let known: HashSet<u32> = directions.iter().map(|read| read.number).collect();

@@ -164,7 +164,11 @@ pub fn text(found: &Reduced) -> String {
     );
     let [source, detector] =
         it.polarisation.each_ref().map(|p| p.as_deref().unwrap_or("not said (taken as none)"));
-    let _ = writeln!(text, "polarised beam {source}, detector {detector}");
+    let share = match it.polarised {
+        Some(share) => format!("{share:+.3} of the light across the plane of incidence"),
+        None => "not known".to_owned(),
+    };
+    let _ = writeln!(text, "polarised beam {source}, detector {detector}: {share}");
     if let Some(last) = it.drift.last() {
         let spread = it.drift.iter().map(|l| (l.relative - 1.0).abs()).fold(0.0, f64::max);
         let _ = writeln!(

@@ -17,6 +17,7 @@ use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings};
 use sunglint_drivers::simulated::zaber::{Zaber, ZaberSettings};
 use sunglint_drivers::simulated::{InMemory, Speaker, Turns};
 use sunglint_drivers::transport::Bytes;
+use sunglint_formats::toml::quoted;
 
 /// Microsteps of the sample's stage for a degree: 200 full steps of 256 microsteps, and a gear of 10.
 const TMCL_PER_DEG: f64 = 51_200.0 * 10.0 / 360.0;
@@ -248,7 +249,6 @@ fn on_bench<D: Turns + 'static>(
 /// The file that describes the bench to a run: its devices at their addresses (name, driver's address, options), and what is known of its optics beforehand.
 pub fn bench_toml(options: &Options, devices: &[(&str, String, &[String])]) -> String {
     let mut text = String::from("# A virtual goniometer on lines, by `sunglint devices serve`.\n");
-    let quoted = |text: &str| toml_text(text);
     for (name, address, with) in devices {
         let table = if *name == "meter" { "meter".into() } else { format!("axis.{name}") };
         let with: Vec<String> = with.iter().map(|option| quoted(option)).collect();
@@ -280,7 +280,7 @@ pub fn bench_toml(options: &Options, devices: &[(&str, String, &[String])]) -> S
     let Options { lamp, beam, aperture, sample, field, .. } = options;
     let _ = write!(
         text,
-        "\n[laser]\nwavelength_nm = {}\n\n[beam]\ndiameter_mm = {}\n\n[aperture]\ndiameter_mm = {}\ndistance_mm = {}\n\n[sample]\nwidth_mm = {}\nheight_mm = {}\n",
+        "\n[laser]\nwavelength_nm = {}\n\n[beam]\ndiameter_mm = {}\npolarised = 0\n\n[aperture]\ndiameter_mm = {}\ndistance_mm = {}\n\n[sample]\nwidth_mm = {}\nheight_mm = {}\n",
         lamp.wavelength_nm,
         beam.diameter_mm,
         aperture.diameter_mm,
@@ -292,9 +292,4 @@ pub fn bench_toml(options: &Options, devices: &[(&str, String, &[String])]) -> S
         let _ = writeln!(text, "\n[field]\ndiameter_mm = {diameter_mm}");
     }
     text
-}
-
-/// A text as TOML has it.
-fn toml_text(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }

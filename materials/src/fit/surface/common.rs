@@ -39,7 +39,7 @@ impl Common<'_> {
         let radius = self.cone.radius_rad();
         // The interval is to hold nearly all samples of the region: what is darkest decides.
         let part = |(i, o, _): (DVec3, DVec3, Region)| {
-            self.instrument.shared_ln(self.seen(i, o, radius), o.z)
+            self.instrument.shared_ln(self.seen(i, o, radius), i, o)
         };
         let dark = rows().map(part);
         let mut dark: Vec<f64> = dark.collect();
@@ -79,8 +79,13 @@ impl Common<'_> {
             return own;
         }
         let is_diffuse = name == "diffuse";
-        let stray = if is_diffuse { self.instrument.diffuse_sigma_ln(value) } else { 0.0 };
-        own.hypot(self.instrument.scale_sigma).hypot(stray)
+        let part = if is_diffuse {
+            self.instrument.diffuse_sigma_ln(value)
+        } else {
+            let all = self.incidences.iter().flat_map(|at| at.o.iter().map(|o| (at.i, *o)));
+            self.instrument.strength_sigma_ln(all)
+        };
+        own.hypot(self.instrument.scale_sigma).hypot(part)
     }
 
     /// Quantities that were not measured, and diffuse light that may be stray light.

@@ -34,6 +34,7 @@ pub(crate) use model::disc;
 use search::Candidate;
 use serde::Serialize;
 use std::fmt;
+use sunglint_formats::toml::quoted;
 use sunglint_numerics::measured::Interval;
 use sunglint_numerics::order::quantile;
 use sunglint_numerics::progress::Progress;
@@ -498,7 +499,7 @@ impl SurfaceFit {
             let said: Vec<String> = self
                 .flaws
                 .iter()
-                .map(|f| format!("{:?}", f.to_string().replace(char::is_control, " ")))
+                .map(|f| quoted(&f.to_string().replace(char::is_control, " ")))
                 .collect();
             let _ = writeln!(text, "said = [{}]", said.join(", "));
         }

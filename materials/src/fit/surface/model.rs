@@ -5,6 +5,7 @@ use serde::Serialize;
 use std::cell::RefCell;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::OnceLock;
+use sunglint_formats::toml::quoted;
 use sunglint_numerics::gauss::legendre;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 use sunglint_simulator::surface::{
@@ -595,7 +596,7 @@ impl Surface {
                 tint.wavelength_nm
             )
         };
-        let mut text = format!("[[material]]\nname = {name:?}\nmodel = \"composite\"\n");
+        let mut text = format!("[[material]]\nname = {}\nmodel = \"composite\"\n", quoted(name));
         let (scale, specular) = self.specular(tint);
         let _ = match &specular {
             Specular::Constant(value) => writeln!(text, "{}", table(value)),
