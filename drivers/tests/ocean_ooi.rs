@@ -4,16 +4,20 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use sunglint_drivers::catalogue::{Address, AnyDevice, DRIVERS, OptionKind, Wire};
+use sunglint_drivers::catalogue::{
+    Access, Address, AnyDevice, Bus, DRIVERS, Line, OptionKind, Plugged, Wire,
+};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
 use sunglint_drivers::device::{Device as _, DeviceError, Spectrometer as _, Spectrum};
 use sunglint_drivers::ocean::ooi::{
     Layout, MARK, Model, Ooi, OoiSettings, Saturation, Speed, command, firmware, saturation,
     set_integration, slot_number, slot_order, slot_text, spectrum, status,
 };
+use sunglint_drivers::recording::{Header, Recording};
 use sunglint_drivers::simulated::ooi::{self as sim, Kind, Runs};
 use sunglint_drivers::simulated::script::{Fault, Script};
 use sunglint_drivers::transport::{Transfer, Transfers, TransportError};
+use sunglint_formats::atomic::Overwrite;
 
 fn named(name: &str) -> Model {
     Model::named(name).unwrap()
@@ -365,6 +369,10 @@ fn a_torn_answer_is_followed_by_a_clean_one() {
         for on in ["0500", "0501", "fe", "09", "0511"] {
             for nth in 1..5 {
                 for kind in &kinds {
+                    // The Jaz has no mark at the end: an altered byte is one of its counts, which nobody can see.
+                    if name == "jaz" && *kind == Kind::WrongEnd {
+                        continue;
+                    }
                     for runs in [Runs::Freely, Runs::Ahead, Runs::Asked] {
                         let of = sim::OoiSettings::of(named(name));
                         let settings = sim::OoiSettings { runs, ..of };
@@ -415,7 +423,9 @@ fn a_copy_is_told_and_a_spectrum_without_mark_too() {
     let error = expose(on(Kind::WrongEnd));
     assert!(error.contains("found `33`, expected 69, the mark at a spectrum's end"), "{error}");
     let error = expose(on(Kind::Half));
-    assert!(error.contains("a spectrum of 2048 bytes from endpoint 82"), "{error}");
+    assert!(error.contains("no answer within") && error.contains("(2048 bytes)"), "{error}");
+    let error = expose(on(Kind::LostPacket));
+    assert!(error.contains("a spectrum of 3585 bytes from endpoint 82"), "{error}");
     assert!(error.contains("USB2000+ sends 4097 there"), "{error}");
     let error = expose(on(Kind::Stall));
     assert!(error.contains("it stalled"), "{error}");
@@ -454,7 +464,58 @@ fn each_model_is_found_by_its_number_and_opened_by_its_name() {
         assert!(error.contains("it has no network"), "{error}");
     }
     assert_eq!(words.len(), 5 + Model::ALL.len());
+    // The address by which `devices list` says that one is opened is one that opens it, whatever serial number its descriptor has.
+    let plugged = |vendor, product| Plugged {
+        bus: Bus::Usb,
+        path: "/dev/bus/usb/001/007".to_owned(),
+        ids: Some([vendor, product]),
+        name: None,
+        serial: Some("P0000001".to_owned()),
+        access: Access::Granted,
+    };
+    let address = plugged(0x2457, 0x1022).address().unwrap();
+    assert_eq!(Address::parse(&address, &[]).unwrap().to_string(), "ocean");
+    assert_eq!(plugged(0x1313, 0x8078).address().unwrap(), "pm100:P0000001");
     assert_eq!(Address::parse("ocean", &[]).unwrap().wire(), Wire::Bytes);
+}
+
+/// Truth: the recording that was made: a driver that hears it again says the same and reads the same spectrum, by the address that the recording names.
+#[test]
+fn a_recording_is_heard_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nirquest.rec");
+    let header = Header {
+        device: "Ocean Optics NIRQuest256".into(),
+        source: "sunglint's simulated instrument".into(),
+        host: None,
+        recorded: None,
+        synthetic: true,
+    };
+    let options = ["model=nirquest256".to_owned()];
+    let session = |line: &mut dyn FnMut(&mut Address, &Deadline) -> Line| {
+        let clock = Arc::new(VirtualClock::new());
+        let within = Deadline::after(clock, Duration::from_secs(60));
+        let mut address = Address::parse("sim-ocean", &options).unwrap();
+        let line = line(&mut address, &within);
+        let AnyDevice::Spectrometer(mut device) = address.open(line, &within).unwrap() else {
+            panic!("no spectrometer")
+        };
+        device.expose(0.05, &within).unwrap().counts
+    };
+    let live = session(&mut |address, within| {
+        let line = address.connect(within).unwrap();
+        line.recorded(&path, &header, Overwrite::Refuse).unwrap()
+    });
+    let mut rest = None;
+    let again = session(&mut |address, _| {
+        let recording = Recording::read(&path).unwrap();
+        let (line, left) = Line::replay(recording, address.wire());
+        rest = Some(left);
+        line
+    });
+    assert_eq!(live.len(), 256);
+    assert_eq!(live, again);
+    rest.unwrap().finish().unwrap();
 }
 
 /// How often what fails on a line of transfers.

@@ -224,8 +224,7 @@ impl Ooi {
 
     /// Sets the time of integration as another program would, µs.
     pub fn set_by_another(&mut self, us: u32, now: Duration) {
-        self.advance(now);
-        self.set_us = us;
+        self.change(us, now);
     }
 
     /// Pulls the cable out.
@@ -342,8 +341,16 @@ impl Ooi {
         if let Some(us) = value.checked_mul(model.unit_us)
             && (least..=most).contains(&us)
         {
-            self.advance(now);
-            self.set_us = us;
+            self.change(us, now);
+        }
+    }
+
+    fn change(&mut self, us: u32, now: Duration) {
+        self.advance(now);
+        self.set_us = us;
+        // One that has yet to begin is of the new time.
+        if self.running.1 > now {
+            self.running.0 = us;
         }
     }
 

@@ -143,7 +143,9 @@ impl<U: Transfers> Line<U> {
         read: impl Fn(&[u8]) -> Result<V, ReplyError>,
     ) -> Result<V, DeviceError> {
         twice(DEVICE, deadline, || {
-            if !self.in_step {
+            let answers = [self.model.endpoints.answers];
+            // What is there before the question is no answer to it.
+            if !self.in_step || self.drain(&answers, deadline)? > 0 {
                 self.synchronise(deadline)?;
             }
             // Until the answer is here, whatever interrupts this leaves the line in doubt.
@@ -265,6 +267,11 @@ impl<U: Transfers> Line<U> {
                         empty = 0;
                     }
                     Err(error) if error.is_timeout() => empty += 1,
+                    Err(TransportError::Stalled { .. }) => {
+                        self.set_going(deadline)?;
+                        dropped += 1;
+                        empty = 0;
+                    }
                     Err(error) => return Err(error),
                 }
             }
@@ -277,9 +284,9 @@ impl<U: Transfers> Line<U> {
         self.in_step = false;
         let incoming = self.incoming();
         self.set_going(deadline)?;
+        self.wait_for_owed(deadline)?;
         self.drain(&incoming, deadline)?;
-        let owed = self.owed_until.saturating_sub(deadline.now());
-        let step = deadline.at_most(self.settings.reply_within.saturating_add(owed));
+        let step = deadline.at_most(self.settings.reply_within);
         self.send(&[command::SLOT, slot::SERIAL], &step)?;
         let mut passed = 0;
         let serial = loop {
@@ -305,6 +312,33 @@ impl<U: Transfers> Line<U> {
         self.in_step = true;
         self.owed_until = Duration::ZERO;
         Ok(serial)
+    }
+
+    /// Waits for a spectrum that was asked for and not fetched, and drops it: an instrument may answer other questions before it is there.
+    fn wait_for_owed(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        let parts = self.parts();
+        let Some(last) = parts.last() else { return Ok(()) };
+        let mut length = 0;
+        while self.owed_until > deadline.now() && length < last.length {
+            deadline.remaining()?;
+            let step = deadline.at_most(self.owed_until.saturating_sub(deadline.now()));
+            match self.receive(last.endpoint, 8 * ROOM, &step) {
+                Ok(bytes) => {
+                    length += bytes.len();
+                    if !bytes.len().is_multiple_of(Speed::Full.packet()) {
+                        // A short packet: its end.
+                        break;
+                    }
+                }
+                Err(error) if error.is_timeout() => {
+                    deadline.remaining()?;
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        self.owed_until = Duration::ZERO;
+        Ok(())
     }
 
     /// Asks once for a spectrum, which may take up to `work` beside the answer.
@@ -333,12 +367,21 @@ impl<U: Transfers> Line<U> {
         self.owed_until = deadline.now().saturating_add(within);
         self.send(&[command::SPECTRUM], &step)?;
         let mut bytes = Vec::with_capacity(self.model.frame_length());
+        // No short packet ends these.
+        let mut exact = Vec::new();
         for part in self.parts() {
             self.read_part(part, &mut bytes, &step)?;
+            if part.length.is_multiple_of(self.speed.packet()) {
+                exact.push(part.endpoint);
+            }
         }
         let counts = frame::spectrum(&self.model, &bytes);
         // It has ended, whatever it was.
         self.owed_until = Duration::ZERO;
+        if !exact.is_empty() && self.drain(&exact, deadline)? > 0 {
+            let reason = "more bytes came than a spectrum has: a packet of it came twice, or an older spectrum was late";
+            return Err(Trouble::Again(spoilt(reason.to_owned())));
+        }
         let counts = counts.map_err(|error| unread("its spectrum", &error))?;
         let saturated = counts.iter().all(|value| *value >= self.model.saturation);
         if !saturated && counts == self.last {
@@ -367,7 +410,12 @@ impl<U: Transfers> Line<U> {
             let left = part.length - (bytes.len() - begin);
             // A piece that ends with a short packet has room for a whole one, so that a longer one is seen.
             let room = left.next_multiple_of(packet);
-            let got = match self.receive(part.endpoint, room, deadline) {
+            // Once a spectrum has begun to come, the rest follows at once.
+            let step = match bytes.is_empty() {
+                true => deadline.clone(),
+                false => deadline.at_most(self.settings.reply_within),
+            };
+            let got = match self.receive(part.endpoint, room, &step) {
                 Ok(got) => got,
                 Err(error) => return Err(error.with_got_so_far(&bytes[begin..]).into()),
             };

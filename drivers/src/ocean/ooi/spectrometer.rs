@@ -70,7 +70,12 @@ pub struct Ooi<U> {
     calibration: Calibration,
     wavelength_nm: Vec<f64>,
     integration: Integration,
+    /// The longest integration that may be under way, where one is known, µs.
+    known_us: Option<u32>,
 }
+
+/// Longest integration that is waited for where another program has set it before and the model does not tell it, µs.
+const LONGEST_BEFORE_US: u32 = 10_000_000;
 
 impl<U: Transfers> Ooi<U> {
     /// Begins a session and reads the memory.
@@ -96,6 +101,7 @@ impl<U: Transfers> Ooi<U> {
             calibration,
             wavelength_nm,
             integration: Integration::Unknown,
+            known_us: None,
         })
     }
 
@@ -290,7 +296,10 @@ impl<U: Transfers> Spectrometer for Ooi<U> {
         // The limits are whole units: within them still.
         let unit = f64::from(model.unit_us);
         let us = ((us / unit).round() * unit) as u32;
-        let longest = Duration::from_micros(u64::from(most));
+        let before = self.known_us.unwrap_or(LONGEST_BEFORE_US);
+        let longest = Duration::from_micros(u64::from(before));
+        // Until this call has ended well, either may be under way.
+        self.known_us = Some(before.max(us));
         let saturation = self.saturation();
         let mut stale = self.line.settings.stale;
         if self.line.owes(deadline) {
@@ -301,6 +310,7 @@ impl<U: Transfers> Spectrometer for Ooi<U> {
         let mut instrument = Telling { line: &mut self.line, us };
         let (start, counts) =
             self.integration.expose(&mut instrument, us, stale, longest, deadline)?;
+        self.known_us = Some(us);
         Ok(Spectrum {
             start,
             integration_s: f64::from(us) / 1e6,
