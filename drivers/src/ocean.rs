@@ -1,9 +1,10 @@
-//! Spectrometers of Ocean Optics (Ocean Insight) that speak the Ocean Binary Protocol: HDX and FX by network, STS, HDX and
-//! Ventana by USB.
+//! Spectrometers of Ocean Optics (Ocean Insight): those that speak the Ocean Binary Protocol (HDX and FX by network, STS, HDX and
+//! Ventana by USB), and those of the older USB protocol (USB2000, USB4000, HR4000, QE65000, Maya, NIRQuest and others: [`ooi`]).
 //!
 //! - [`obp`]: frames as bytes, read strictly, and the numbers of messages and errors;
 //! - [`Link`]: question and answer, brought into step by the serial number where one got lost;
-//! - [`Obp`]: a [`Spectrometer`](crate::device::Spectrometer) on it.
+//! - [`Obp`]: a [`Spectrometer`](crate::device::Spectrometer) on it;
+//! - [`ooi`]: the older protocol, its models, and a spectrometer on it.
 //!
 //! # The protocol
 //! Frames of 44 bytes of head, perhaps data, and 20 bytes of tail: the message's number, a number that the answer repeats, flags, an error, up to 16
@@ -28,13 +29,15 @@ mod fresh;
 mod link;
 mod md5;
 pub mod obp;
+pub mod ooi;
 mod spectrometer;
 mod usb;
 
 pub use link::{Link, LinkSettings};
 pub use md5::md5;
 pub use spectrometer::{Model, Obp, ObpSettings};
-pub use usb::{Bulk, ENDPOINTS, PRODUCTS, VENDOR, open};
+pub(crate) use usb::endpoints;
+pub use usb::{Bulk, ENDPOINTS, PRODUCTS, VENDOR, open, open_product};
 
 /// The device, in messages.
 pub(crate) const DEVICE: &str = "Ocean spectrometer";

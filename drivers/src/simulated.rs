@@ -15,6 +15,7 @@ pub mod indi;
 pub mod line;
 mod motor;
 pub mod ocean;
+pub mod ooi;
 pub mod ophir;
 pub mod pm100;
 pub mod power;

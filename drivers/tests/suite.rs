@@ -27,6 +27,8 @@ mod mount_astrotrac;
 mod mount_indi;
 mod mount_live;
 mod ocean_obp;
+mod ocean_ooi;
+mod ocean_ooi_peer;
 mod ocean_peer;
 mod ophir_fixtures;
 mod ophir_meter;

@@ -83,9 +83,11 @@ impl Address {
         self.options.given()
     }
 
-    /// Traffic on its line: its driver's, but where the place says otherwise.
+    /// Traffic on its line: its driver's, but where the place or the model says otherwise.
     pub fn wire(&self) -> Wire {
-        super::scpi::wire(self.driver, self.place.as_deref()).unwrap_or(self.driver.wire)
+        super::scpi::wire(self.driver, self.place.as_deref())
+            .or_else(|| super::ocean::wire(self))
+            .unwrap_or(self.driver.wire)
     }
 
     /// Opens a line to the device; the driver may put what it finds on the way into the address.

@@ -41,9 +41,11 @@ impl Plugged {
 
     /// The address by which its driver opens it.
     pub fn address(&self) -> Option<String> {
-        let name = self.driver()?.name;
+        let driver = self.driver()?;
+        let name = driver.name;
         let place = match self.bus {
-            Bus::Usb => self.serial.as_deref(),
+            // Not every driver on USB tells its devices apart by a serial number.
+            Bus::Usb => self.serial.as_deref().filter(|_| driver.place.form.contains("SERIAL")),
             Bus::Hid | Bus::Serial => Some(self.path.as_str()),
         };
         Some(place.map_or_else(|| name.to_owned(), |place| format!("{name}:{place}")))

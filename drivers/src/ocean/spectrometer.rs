@@ -119,7 +119,7 @@ impl<T: Bytes> Obp<T> {
             None => model(&mut link, deadline)?,
         };
         let coefficients = coefficients(&mut link, deadline)?;
-        let wavelength_nm = wavelengths(&coefficients, model.pixels)?;
+        let wavelength_nm = wavelengths(&coefficients, 0, model.pixels)?;
         let integration = Integration::Unknown;
         Ok(Self {
             link,
@@ -254,10 +254,14 @@ fn coefficients<T: Bytes>(link: &mut Link<T>, d: &Deadline) -> Result<Vec<f64>, 
     (0..count).map(one).collect()
 }
 
-/// The wavelength of each pixel, nm.
-pub(super) fn wavelengths(coefficients: &[f64], pixels: usize) -> Result<Vec<f64>, DeviceError> {
+/// The wavelength of each pixel, nm; the first has that number in the polynomial.
+pub(super) fn wavelengths(
+    coefficients: &[f64],
+    first: i32,
+    pixels: usize,
+) -> Result<Vec<f64>, DeviceError> {
     let at = |pixel: usize| {
-        let place = pixel as f64;
+        let place = pixel as f64 + f64::from(first);
         coefficients.iter().rev().fold(0.0, |sum, c| sum * place + c)
     };
     let all: Vec<f64> = (0..pixels).map(at).collect();

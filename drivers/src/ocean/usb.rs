@@ -99,14 +99,28 @@ pub(super) fn plugged(products: &[u16]) -> Result<u16, DeviceError> {
     found.ok_or_else(missing)
 }
 
-/// Opens the first instrument that is plugged in, with its endpoints.
+/// Opens the first instrument on OBP that is plugged in, with its endpoints.
 ///
 /// # Errors
 /// None, no permission, or another program has it.
 pub fn open() -> Result<(Usb, [u8; 2]), DeviceError> {
-    let product = plugged(&PRODUCTS.map(|(product, _)| product))?;
+    let (usb, product) = open_product(&PRODUCTS.map(|(product, _)| product))?;
+    Ok((usb, endpoints(product)))
+}
+
+/// Endpoints of a product on OBP.
+pub(crate) fn endpoints(product: u16) -> [u8; 2] {
+    let ventana = product == PRODUCTS[2].0;
+    if ventana { [0x01, 0x82] } else { ENDPOINTS }
+}
+
+/// Opens the first instrument with one of these product numbers that is plugged in, and gives its number.
+///
+/// # Errors
+/// None, no permission, or another program has it.
+pub fn open_product(products: &[u16]) -> Result<(Usb, u16), DeviceError> {
+    let product = plugged(products)?;
     let usb = Usb::open(VENDOR, product, None, 0);
     let usb = usb.map_err(|error| DeviceError::transport(DEVICE, error))?;
-    let ventana = product == PRODUCTS[2].0;
-    Ok((usb, if ventana { [0x01, 0x82] } else { ENDPOINTS }))
+    Ok((usb, product))
 }

@@ -213,21 +213,26 @@ impl Ocean {
 
     /// A spectrum of that integration, with noise, as far as 16 bits go.
     fn spectrum(&mut self, us: u32) -> Vec<u8> {
+        self.counts(us).into_iter().flat_map(u16::to_le_bytes).collect()
+    }
+
+    /// The counts of a spectrum of that integration, with noise, up to the converter's end.
+    pub(super) fn counts(&mut self, us: u32) -> Vec<u16> {
         self.taken += 1;
         let seed = self.settings.seed.wrapping_mul(0x9e37_79b9).wrapping_add(self.taken);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         // The sum of twelve even numbers less six is nearly normal.
         let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
-        let mut bytes = Vec::with_capacity(2 * self.settings.pixels);
+        let mut all = Vec::with_capacity(self.settings.pixels);
         for pixel in 0..self.settings.pixels {
             let expected = self.expected(pixel, us);
             let light = (expected - self.settings.dark_counts).max(0.0) / 10.0;
             let counts = expected + (self.settings.noise_counts.powi(2) + light).sqrt() * normal();
             let counts = counts.round().clamp(0.0, f64::from(self.settings.saturation));
             // 0 to 65535.
-            bytes.extend((counts as u16).to_le_bytes());
+            all.push(counts as u16);
         }
-        bytes
+        all
     }
 
     /// Takes another time of integration, µs; whether it has it.
