@@ -27,6 +27,7 @@ mod hostile;
 mod house;
 mod indi_night;
 mod lab;
+mod lab_channels;
 mod licences;
 mod long_night;
 mod long_reduce;
