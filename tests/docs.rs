@@ -550,6 +550,13 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&run), &mut printed);
     let ingest = ["brdf", "ingest", "bench/", "--json", "-o", "benched.ecsv"];
     keys(&folder.json(&ingest), &mut printed);
+    // The same with a spectrometer.
+    let spectral = "virtual = \"goniometer.toml\"\n[axis.azimuth]\n[spectrometer]\nchannels_nm = [[550, 20], [650, 20]]\n";
+    std::fs::write(folder.path("spectral.toml"), spectral).unwrap();
+    folder.done(&[&few[..5], &["--side", "9", "-q", "-o", "few.ecsv"]].concat());
+    let run = ["brdf", "run", "few.ecsv", "--bench", "spectral.toml", "-o", "spectral/", "--json"];
+    keys(&folder.json(&run), &mut printed);
+    keys(&folder.json(&["brdf", "ingest", "spectral/", "--json"]), &mut printed);
     let small = ["--side", "8", "--theta-i", "4", "--normals", "32", "--json"];
     let assemble = ["brdf", "assemble", "benched.ecsv", "ndf.ecsv", "-o", "benched.bsdf"];
     keys(&folder.json(&[&assemble[..], &small].concat()), &mut printed);

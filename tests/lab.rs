@@ -233,7 +233,7 @@ fn a_run_is_held_against_a_standard() {
 }
 
 /// A folder with a microfacet distribution of the page's rig, for plans.
-fn distribution(name: &str) -> Folder {
+pub fn distribution(name: &str) -> Folder {
     let folder = lab(name, |rig| rig);
     folder.done(&["brdf", "retro", "run.toml", "-q", "-o", "lab/"]);
     let ndf = ["brdf", "ndf", "lab/retro.ecsv", "-q", "--force", "-o", "lab/"];

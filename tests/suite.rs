@@ -28,6 +28,7 @@ mod hostile;
 mod house;
 mod indi_night;
 mod lab;
+mod lab_channels;
 mod licences;
 mod lines;
 mod long_night;

@@ -229,6 +229,19 @@ impl<L: LogLine> Log<L> {
         files: &[(&str, &str)],
         clock: DeviceClock,
     ) -> Result<Self, LogError> {
+        Self::create_with(folder, files, L::header(), clock)
+    }
+
+    /// A new run whose table has the columns of `table`, those of [`LogLine::header`] and perhaps more.
+    ///
+    /// # Errors
+    /// There is one already; the disk refuses.
+    pub fn create_with(
+        folder: &Path,
+        files: &[(&str, &str)],
+        mut table: Table,
+        clock: DeviceClock,
+    ) -> Result<Self, LogError> {
         refuse_begun::<L>(folder)?;
         let io = |path: &Path| {
             let path = path.to_path_buf();
@@ -246,7 +259,6 @@ impl<L: LogLine> Log<L> {
         }
         write(EVENTS, "")?;
         // Last: a folder with readings has all the rest.
-        let mut table = L::header();
         table.meta.insert("kind".into(), json!(L::KIND));
         let program = format!("sunglint {}", env!("CARGO_PKG_VERSION"));
         table.meta.insert("program".into(), json!(program));

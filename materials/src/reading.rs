@@ -81,8 +81,8 @@ pub enum ReadError {
 }
 
 /// Reads of the meter that may fail one after the other, and the wait between them.
-const TRIES: u32 = 3;
-const TRY_AGAIN: Duration = Duration::from_secs(1);
+pub(crate) const TRIES: u32 = 3;
+pub(crate) const TRY_AGAIN: Duration = Duration::from_secs(1);
 /// Times that a place is read anew because the range changed.
 const RANGES: u32 = 5;
 

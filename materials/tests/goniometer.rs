@@ -33,11 +33,11 @@ use sunglint_virtual::rig::options::SampleKind;
 
 const THREE_AXES: &str = "virtual = \"goniometer.toml\"\n[axis.azimuth]\n";
 
-fn bench(text: &str) -> Bench {
+pub fn bench(text: &str) -> Bench {
     Bench::new(&Document::new("bench.toml", text).unwrap(), Some("")).unwrap()
 }
 
-struct Robot(VirtualGoniometer);
+pub struct Robot(pub VirtualGoniometer);
 
 impl Hands for Robot {
     fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
@@ -47,7 +47,7 @@ impl Hands for Robot {
 }
 
 /// Directions around the mirrored one and all around, at some incidences.
-fn directions(incidences: &[f64]) -> Vec<Planned> {
+pub fn directions(incidences: &[f64]) -> Vec<Planned> {
     let mut all = Vec::new();
     for theta_i_deg in incidences {
         for theta_o in [0.0, 10.0, 20.0, 30.0, 45.0, 60.0, 70.0] {

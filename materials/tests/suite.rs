@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod budget;
+mod channels;
 mod goniometer;
 mod implausible;
 mod material;

@@ -18,7 +18,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
+use sunglint_drivers::device::{
+    Device, InBeam, Monochromator, PowerMeter, RotationStage, Spectrometer,
+};
+use sunglint_formats::Table;
 use sunglint_materials::log::{Begun, Log, LogLine, Watch, refuse_begun};
 use sunglint_materials::retro::measure::{Hands, HandsError};
 use sunglint_numerics::progress::Progress as _;
@@ -89,11 +92,23 @@ pub(crate) fn log<L: LogLine>(
     clock: DeviceClock,
     devices: &impl Serialize,
 ) -> anyhow::Result<Log<L>> {
+    log_with(folder, begun, files, L::header(), clock, devices)
+}
+
+/// [`log()`] of a run whose table has the columns of `table`.
+pub(crate) fn log_with<L: LogLine>(
+    folder: &Path,
+    begun: Option<&Begun<L>>,
+    files: &[(&'static str, Option<&str>)],
+    table: Table,
+    clock: DeviceClock,
+    devices: &impl Serialize,
+) -> anyhow::Result<Log<L>> {
     let (mut log, what, lines) = match begun {
         None => {
             let files: Vec<(&'static str, &str)> =
                 files.iter().filter_map(|(name, text)| Some((*name, (*text)?))).collect();
-            (Log::create(folder, &files, clock)?, "begin", 0)
+            (Log::create_with(folder, &files, table, clock)?, "begin", 0)
         }
         Some(begun) => (Log::resume(folder, begun, clock)?, "resume", begun.lines.len()),
     };
@@ -216,6 +231,32 @@ pub(crate) fn meter(
     }
 }
 
+/// Opens the spectrometer of an address.
+pub(crate) fn spectrometer(
+    address: &str,
+    with: &[String],
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<Box<dyn Spectrometer>> {
+    let found = device(address, with, within);
+    match found.with_context(|| format!("spectrometer.device = \"{address}\""))? {
+        AnyDevice::Spectrometer(spectrometer) => Ok(spectrometer),
+        _ => bail!("spectrometer.device: {address} is no spectrometer"),
+    }
+}
+
+/// Opens the monochromator of an address.
+pub(crate) fn monochromator(
+    address: &str,
+    with: &[String],
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<Box<dyn Monochromator>> {
+    let found = device(address, with, within);
+    match found.with_context(|| format!("monochromator.device = \"{address}\""))? {
+        AnyDevice::Monochromator(monochromator) => Ok(monochromator),
+        _ => bail!("monochromator.device: {address} is no monochromator"),
+    }
+}
+
 /// Who a device says it is, with all its settings.
 pub(crate) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::Result<Value> {
     let within = || Deadline::after(clock.clock.clone(), OPEN);
@@ -228,7 +269,7 @@ pub struct HandsArgs {
     /// Do not ask before what needs a hand (a shutter, the sample away): something else does it
     #[arg(long)]
     pub yes: bool,
-    /// Run this program for what needs a hand, and wait for its end, instead of asking. Its argument is what shall be in the beam: blocked, head (the meter), nothing, sample, standard, through
+    /// Run this program for what needs a hand, and wait for its end, instead of asking. Its argument is what shall be in the beam: blocked, head (the meter), nothing, sample, standard, through; for an axis that a person turns its arguments are turn, the axis and the angle in degrees
     #[arg(long, value_name = "PROGRAM", conflicts_with = "yes")]
     pub hands: Option<PathBuf>,
 }
@@ -245,19 +286,35 @@ pub(crate) struct Person {
 
 impl Hands for Person {
     fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
-        self.ask(place).map_err(Into::into)
+        self.ask((self.words)(place), &[place.name()]).map_err(Into::into)
+    }
+
+    fn turn(&mut self, axis: &str, deg: f64) -> Result<(), HandsError> {
+        let what = match axis {
+            "detector" => "the detector's arm",
+            "azimuth" => "the detector's plane about the sample's normal",
+            "turn" => "the sample about its normal",
+            _ => "the sample",
+        };
+        let angle = format!("{deg:.2}");
+        let text = format!("turn {what} to {angle}°");
+        self.ask(&text, &["turn", axis, &angle]).map_err(Into::into)
+    }
+
+    fn record(&mut self, text: &str) {
+        self.console.say(text);
     }
 }
 
 impl Person {
-    fn ask(&mut self, place: InBeam) -> anyhow::Result<()> {
+    /// Asks for something in words, or calls the program with the arguments for it.
+    fn ask(&mut self, what: &str, args: &[&str]) -> anyhow::Result<()> {
         if self.args.yes {
             return Ok(());
         }
         if let Some(program) = &self.args.hands {
-            return self.call(program, place);
+            return self.call(program, args);
         }
-        let what = (self.words)(place);
         if !std::io::stdin().is_terminal() {
             bail!(
                 "the run needs a hand: {what}; there is no terminal to ask on: start it on one, name a program that does it (--hands), or give --yes where something else does it"
@@ -275,12 +332,12 @@ impl Person {
     }
 
     /// Lets the program do it. It has a process group of its own: Ctrl-C is for the run, which ends all of the group.
-    fn call(&self, program: &Path, place: InBeam) -> anyhow::Result<()> {
+    fn call(&self, program: &Path, args: &[&str]) -> anyhow::Result<()> {
         const LOOK: Duration = Duration::from_millis(5);
         const SLOW: Duration = Duration::from_secs(10);
-        let (shown, name) = (program.display(), place.name());
+        let (shown, name) = (program.display(), args.join(" "));
         let mut command = Command::new(program);
-        command.arg(name).stdin(Stdio::null());
+        command.args(args).stdin(Stdio::null());
         #[cfg(unix)]
         {
             // What it says is for the person, not for the result.

@@ -14,14 +14,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{InBeam, PowerMeter, RotationStage};
+use sunglint_drivers::device::{
+    Device, InBeam, Monochromator, PowerMeter, RotationStage, Spectrometer,
+};
 use sunglint_formats::ecsv;
 use sunglint_formats::toml::Document;
 use sunglint_materials::goniometer::bench::{AXES, Bench, VIRTUAL_BENCH};
+use sunglint_materials::goniometer::channels::Reads;
+use sunglint_materials::goniometer::files::Folder;
 use sunglint_materials::goniometer::folder::travel_of;
 use sunglint_materials::goniometer::line::{BENCH, Begun, FILES, Line, Log, PLAN, VIRTUAL};
-use sunglint_materials::goniometer::measure::{Rig, done, measure};
+use sunglint_materials::goniometer::measure::{Detector, Devices, done_of, measure_with};
 use sunglint_materials::goniometer::pose::Kinematics;
+use sunglint_materials::goniometer::spectra;
 use sunglint_materials::goniometer::tasks::{Part, Tasks, tasks};
 use sunglint_materials::plan::{Planned, planned};
 use sunglint_materials::reading::State;
@@ -114,7 +119,8 @@ pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
 
 /// A line that ends a measurement, in words.
 fn step(line: &Line) -> Option<String> {
-    (line.state == State::Kept).then(|| format!("{} {}", line.part.name(), line.number))
+    let nm = line.wavelength_nm.map_or(String::new(), |nm| format!(", {nm} nm"));
+    (line.state == State::Kept).then(|| format!("{} {}{nm}", line.part.name(), line.number))
 }
 
 /// A line of the run as the page shows it.
@@ -126,8 +132,13 @@ fn reading(line: &Line) -> LabReading {
         part: line.part.name().to_owned(),
         angle_deg: line.stages[1].unwrap_or(0.0),
         place: places.join(", "),
+        // Channels of a spectrometer have no power in W: the brightest is told beside its integration.
         power_w: line.power_w,
-        range: line.range.clone(),
+        range: match line.channels.iter().copied().reduce(f64::max).filter(|most| !most.is_nan()) {
+            None => line.range.clone(),
+            Some(most) if most.is_infinite() => format!("{} over range", line.range),
+            Some(most) => format!("{} brightest channel {most:.4e}", line.range),
+        },
         state: lab::state(line.state),
     }
 }
@@ -159,19 +170,94 @@ impl Hands for Robot {
 
 struct Opened {
     stages: [Option<Box<dyn RotationStage>>; 4],
-    meter: Box<dyn PowerMeter>,
+    reads: OpenedDetector,
+}
+
+/// What reads the light.
+enum OpenedDetector {
+    Meter(Box<dyn PowerMeter>),
+    Monochromator(Box<dyn Monochromator>, Box<dyn PowerMeter>),
+    Spectrometer(Box<dyn Spectrometer>),
+    Files(Box<Folder>),
+}
+
+/// Where the files come that are waited for: beside the bench's file, or where a run that goes on looked for them.
+fn files_folder(args: &RunArgs, bench: &Bench, begun: Option<&Begun>) -> anyhow::Result<PathBuf> {
+    let Reads::Files(plan) = &bench.reads else { return Ok(PathBuf::new()) };
+    let known = begun.and_then(|begun| begun.devices["files"]["folder"].as_str());
+    let folder = match (known, &args.bench) {
+        (Some(known), None) => PathBuf::from(known),
+        (_, path) => {
+            let beside = path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+            beside.join(&plan.folder)
+        }
+    };
+    std::path::absolute(&folder).with_context(|| format!("files.folder {}", folder.display()))
+}
+
+/// The devices that read the light. `files` is the folder into which files come, `folder` the run's.
+fn open_detector(
+    bench: &Bench,
+    virtual_bench: Option<&VirtualGoniometer>,
+    (files, folder, before): (&Path, &Path, &[Line]),
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<OpenedDetector> {
+    let meter = || -> anyhow::Result<Box<dyn PowerMeter>> {
+        let mut meter: Box<dyn PowerMeter> = match virtual_bench {
+            Some(virtual_bench) => Box::new(virtual_bench.meter()),
+            None => rig::meter(&bench.meter.device, &bench.meter.with, within)?,
+        };
+        meter.set_wavelength_nm(bench.wavelength_nm, &within())?;
+        if let Some(range) = &bench.meter.range {
+            meter.set_range(range, &within())?;
+        }
+        Ok(meter)
+    };
+    Ok(match &bench.reads {
+        Reads::Meter => OpenedDetector::Meter(meter()?),
+        Reads::Monochromator(plan) => {
+            let monochromator: Box<dyn Monochromator> = match virtual_bench {
+                Some(virtual_bench) => Box::new(virtual_bench.monochromator()),
+                None => rig::monochromator(&plan.device, &plan.with, within)?,
+            };
+            if let Some(range) = monochromator.range_nm()
+                && let Some(nm) =
+                    plan.wavelengths_nm.iter().find(|nm| !(range.low..=range.high).contains(*nm))
+            {
+                bail!(
+                    "monochromator.wavelengths_nm: the monochromator does not reach {nm} nm; it goes from {} to {} nm",
+                    range.low,
+                    range.high
+                );
+            }
+            OpenedDetector::Monochromator(monochromator, meter()?)
+        }
+        Reads::Spectrometer(plan) => {
+            let device: Box<dyn Spectrometer> = match virtual_bench {
+                Some(virtual_bench) => Box::new(virtual_bench.spectrometer()),
+                None => rig::spectrometer(&plan.device, &plan.with, within)?,
+            };
+            spectra::check(device.as_ref(), plan, &bench.bands)?;
+            OpenedDetector::Spectrometer(device)
+        }
+        Reads::Files(plan) => {
+            let folder = Folder::new(plan, &bench.bands, files, folder, before);
+            OpenedDetector::Files(Box::new(folder.context("files.folder")?))
+        }
+    })
 }
 
 fn open(
     bench: &Bench,
     virtual_bench: Option<&VirtualGoniometer>,
+    places: (&Path, &Path, &[Line]),
     clock: &DeviceClock,
     cancel: &Cancel,
 ) -> anyhow::Result<Opened> {
     let within = |time| Deadline::after(clock.clock.clone(), time).with_cancel(cancel);
     let mut stages: [Option<Box<dyn RotationStage>>; 4] = [None, None, None, None];
     for (k, axis) in bench.all_axes().into_iter().enumerate() {
-        let Some(axis) = axis else { continue };
+        let Some(axis) = axis.filter(|axis| !axis.is_by_hand()) else { continue };
         let mut stage: Box<dyn RotationStage> = match virtual_bench {
             Some(virtual_bench) => Box::new(virtual_bench.stage(k)),
             None => {
@@ -186,20 +272,13 @@ fn open(
         }
         stages[k] = Some(stage);
     }
-    let mut meter: Box<dyn PowerMeter> = match virtual_bench {
-        Some(virtual_bench) => Box::new(virtual_bench.meter()),
-        None => rig::meter(&bench.meter.device, &bench.meter.with, &|| within(OPEN))?,
-    };
-    meter.set_wavelength_nm(bench.wavelength_nm, &within(OPEN))?;
-    if let Some(range) = &bench.meter.range {
-        meter.set_range(range, &within(OPEN))?;
-    }
-    Ok(Opened { stages, meter })
+    let reads = open_detector(bench, virtual_bench, places, &|| within(OPEN))?;
+    Ok(Opened { stages, reads })
 }
 
 impl Opened {
     /// Who the devices say they are, with all their settings, and how far the stages turn.
-    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Devices> {
+    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Described> {
         let mut axes = Map::new();
         for (name, stage) in AXES.iter().zip(&mut self.stages) {
             if let Some(stage) = stage {
@@ -210,15 +289,33 @@ impl Opened {
             .stages
             .each_ref()
             .map(|s| s.as_ref().and_then(|s| s.travel_deg().map(|t| t.to_array())));
-        Ok(Devices { axes, meter: rig::describe(self.meter.as_mut(), clock)?, travel_deg })
+        let mut detectors = Map::new();
+        let mut add = |name: &str, device: &mut dyn Device| -> anyhow::Result<()> {
+            detectors.insert(name.into(), rig::describe(device, clock)?);
+            Ok(())
+        };
+        match &mut self.reads {
+            OpenedDetector::Meter(meter) => add("meter", meter.as_mut())?,
+            OpenedDetector::Monochromator(monochromator, meter) => {
+                add("monochromator", monochromator.as_mut())?;
+                add("meter", meter.as_mut())?;
+            }
+            OpenedDetector::Spectrometer(device) => add("spectrometer", device.as_mut())?,
+            OpenedDetector::Files(files) => {
+                let path = files.path().display().to_string();
+                detectors.insert("files".into(), serde_json::json!({ "folder": path }));
+            }
+        }
+        Ok(Described { axes, detectors, travel_deg })
     }
 }
 
 #[derive(Serialize)]
-struct Devices {
+struct Described {
     #[serde(flatten)]
     axes: Map<String, Value>,
-    meter: Value,
+    #[serde(flatten)]
+    detectors: Map<String, Value>,
     travel_deg: [Option<[f64; 2]>; 4],
 }
 
@@ -243,7 +340,17 @@ fn take(
     let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.as_ref());
     // A device that is not there leaves no run behind.
     args.hands.check(virtual_bench.is_some())?;
-    let mut opened = open(bench, virtual_bench.as_ref(), &clock, &cancel)?;
+    let by_hand =
+        bench.all_axes().into_iter().position(|axis| axis.is_some_and(|a| a.is_by_hand()));
+    if let Some(axis) = by_hand.filter(|_| args.hands.yes) {
+        bail!(Usage(format!(
+            "--yes: nobody would turn the axis `{}`, which is by hand: leave it out, or name a program that turns it (--hands)",
+            AXES[axis]
+        )));
+    }
+    let files = files_folder(args, bench, begun.as_ref())?;
+    let places = (files.as_path(), folder, before);
+    let mut opened = open(bench, virtual_bench.as_ref(), places, &clock, &cancel)?;
     let devices = serde_json::to_value(opened.describe(&clock)?)?;
     let mut kinematics = Kinematics::new(bench);
     kinematics.travel_deg = travel_of(&devices);
@@ -260,7 +367,9 @@ fn take(
     let virtual_text = bench.virtual_bench.as_ref().map(Document::source);
     let files =
         [(PLAN, Some(plan_text)), (BENCH, Some(bench.source.as_str())), (VIRTUAL, virtual_text)];
-    let mut log: Log = rig::log(folder, begun.as_ref(), &files, clock.clone(), &devices)?;
+    let table = Line::header_of(bench);
+    let mut log: Log =
+        rig::log_with(folder, begun.as_ref(), &files, table, clock.clone(), &devices)?;
     for what in missing {
         console.warn(&format!("not measured: {what}"));
     }
@@ -275,7 +384,7 @@ fn take(
             first.phi_o_deg
         ));
     }
-    let finished = done(before).len();
+    let finished = done_of(before, bench).len();
     let left = all_tasks.len().saturating_sub(finished);
     console.say(&format!(
         "{left} of {} measurements are left, about {} (settling, readings, axes)",
@@ -283,8 +392,13 @@ fn take(
         hours(list.estimate_s * left as f64 / all_tasks.len() as f64)
     ));
     let bar = Arc::new(Bar::new(console));
-    bar.begin("run", Some(left as u64));
-    let places = [all_tasks.len() as u64, finished as u64];
+    // A monochromator ends a step at each wavelength.
+    let steps = match &bench.reads {
+        Reads::Monochromator(_) => bench.bands.len(),
+        _ => 1,
+    };
+    bar.begin("run", Some((left * steps) as u64));
+    let places = [(all_tasks.len() * steps) as u64, (finished * steps) as u64];
     let page =
         LabPage::start(args.page.as_deref(), folder, "angle of the detector", places, console)?;
     let live = Box::new(Live { bar: bar.clone(), console, step });
@@ -296,18 +410,26 @@ fn take(
         Some(robot) => robot,
         None => &mut person,
     };
-    let Opened { stages, meter } = &mut opened;
+    let Opened { stages, reads } = &mut opened;
     let stages = stages
         .each_mut()
         .map(|stage| stage.as_mut().map(|stage| stage.as_mut() as &mut dyn RotationStage));
     let began_s = clock.clock.now().as_secs_f64();
-    let mut bench_rig = Rig { stages, meter: meter.as_mut(), hands, clock: clock.clone(), cancel };
-    let result = measure(&mut bench_rig, bench, all_tasks, before, zero_s, &mut log);
+    let detector = match reads {
+        OpenedDetector::Meter(meter) => Detector::Meter(meter.as_mut()),
+        OpenedDetector::Monochromator(monochromator, meter) => {
+            Detector::Monochromator(monochromator.as_mut(), meter.as_mut())
+        }
+        OpenedDetector::Spectrometer(device) => Detector::Spectrometer(device.as_mut()),
+        OpenedDetector::Files(folder) => Detector::Files(folder),
+    };
+    let mut devices = Devices { stages, detector, hands, clock: clock.clone(), cancel };
+    let result = measure_with(&mut devices, bench, all_tasks, before, zero_s, &mut log);
     if let Some(page) = &page {
         page.end(if result.is_ok() { "done" } else { "stopped" });
     }
     bar.end();
-    let kept = done(&log.lines);
+    let kept = done_of(&log.lines, bench);
     let measured = kept.iter().filter(|(part, _)| *part == Part::Direction).count();
     if let Err(error) = result {
         let (folder, kept) = (folder.display(), kept.len());

@@ -1,4 +1,5 @@
 //! All tests of this crate: one program, so that one is linked.
 
+mod goniometer;
 mod observatory;
 mod rig;

@@ -1,5 +1,9 @@
 //! BENCH.toml: the axes, the meter and the optics of a goniometer. It is written once for a bench, not for each run.
 
+use super::channels::{
+    Band, FilesPlan, MonochromatorPlan, Reads, SpectrometerPlan, bands, check_spectrometer,
+    wavelengths,
+};
 use crate::retro::plan::{MeterPlan, VIRTUAL};
 use crate::retro::stop::{Shape, Stop};
 use serde::Deserialize;
@@ -35,8 +39,11 @@ struct Written {
     #[serde(rename = "virtual")]
     virtual_bench: Option<PathBuf>,
     axis: Axes,
-    meter: MeterPlan,
-    laser: Laser,
+    meter: Option<MeterPlan>,
+    spectrometer: Option<SpectrometerPlan>,
+    monochromator: Option<MonochromatorPlan>,
+    files: Option<FilesPlan>,
+    laser: Option<Laser>,
     beam: Beam,
     aperture: Aperture,
     sample: SampleSize,
@@ -173,6 +180,8 @@ pub struct Beam {
     pub filter_transmission: Fraction,
     /// Relative standard uncertainty of that.
     pub filter_relative_sigma: NonNegative,
+    /// Transmissions of that filter in each channel of a run with several, in their order, in place of the one number.
+    pub filter_transmissions: Option<Vec<Fraction>>,
     /// The light's polarisation, in words.
     pub polarisation: Option<String>,
     /// (I_s − I_p)/(I_s + I_p) of the light: 1 across the plane of incidence, −1 in it, 0 without polarisation, circular, or at 45°.
@@ -185,6 +194,7 @@ impl Default for Beam {
             diameter_mm: good(Positive::new(2.0)),
             filter_transmission: good(Fraction::new(1.0)),
             filter_relative_sigma: good(NonNegative::new(0.0)),
+            filter_transmissions: None,
             polarisation: None,
             polarised: None,
         }
@@ -384,9 +394,13 @@ pub struct Bench {
     pub name: Option<String>,
     /// Axes.
     pub axes: Axes,
-    /// The meter.
+    /// The meter; of a bench that has none as usual.
     pub meter: MeterPlan,
-    /// Vacuum wavelength, nm.
+    /// What reads the light.
+    pub reads: Reads,
+    /// Channels, by rising wavelength: one of a meter without a monochromator.
+    pub bands: Vec<Band>,
+    /// Vacuum wavelength, nm; of several channels the middle one's.
     pub wavelength_nm: f64,
     /// The beam.
     pub beam: Beam,
@@ -433,6 +447,21 @@ impl Bench {
             (Some(path), None) => Some(Document::read(document.resolve(path))?),
         };
         check(document, &written)?;
+        let (reads, bands) = reads(document, &written)?;
+        if let Some(each) = &written.beam.filter_transmissions
+            && (each.len() != bands.len() || matches!(reads, Reads::Meter))
+        {
+            let key = "beam.filter_transmissions";
+            let expected = format!(
+                "one number for each of the {} channels of [spectrometer], [monochromator] or [files]",
+                bands.len()
+            );
+            return Err(document.error_at(key, expected).into());
+        }
+        let mut scan = written.scan;
+        if let Reads::Files(files) = &reads {
+            scan.readings = files.readings;
+        }
         let stop = Stop {
             shape: Shape::Disc { diameter_mm: written.aperture.diameter_mm.get() },
             tilt_deg: 0.0,
@@ -441,8 +470,10 @@ impl Bench {
         Ok(Self {
             name: written.name,
             axes: written.axis,
-            meter: written.meter,
-            wavelength_nm: written.laser.wavelength_nm.get(),
+            meter: written.meter.unwrap_or_default(),
+            wavelength_nm: bands[bands.len() / 2].nm,
+            reads,
+            bands,
             beam: written.beam,
             stop,
             stop_sigma: written.aperture.relative_sigma.get(),
@@ -451,7 +482,7 @@ impl Bench {
             sample: written.sample,
             field_mm: written.field.map(|field| field.diameter_mm.get()),
             reach: written.reach,
-            scan: written.scan,
+            scan,
             reference: written.reference,
             signature: written.signature,
             floor: written.floor,
@@ -488,17 +519,113 @@ pub const USUAL_BENCH: &str = "virtual = \"goniometer.toml\"\n\n[axis.azimuth]\n
 /// Names of the four axes.
 pub const AXES: [&str; 4] = ["sample", "detector", "azimuth", "turn"];
 
+/// Device of an axis that a person turns.
+pub const HAND: &str = "hand";
+
+impl Axis {
+    /// Whether a person turns it.
+    #[must_use]
+    pub fn is_by_hand(&self) -> bool {
+        self.device == HAND
+    }
+}
+
+/// What reads the light, and its channels.
+fn reads(document: &Document, written: &Written) -> Result<(Reads, Vec<Band>), BenchError> {
+    Ok(match (&written.spectrometer, &written.monochromator, &written.files) {
+        (Some(plan), ..) => {
+            check_spectrometer(document, plan)?;
+            let bands = bands(document, "spectrometer", &plan.channels_nm, plan.bands.as_ref())?;
+            (Reads::Spectrometer(plan.clone()), bands)
+        }
+        (_, Some(plan), _) => (Reads::Monochromator(plan.clone()), wavelengths(document, plan)?),
+        (.., Some(plan)) => {
+            let bands = bands(document, "files", &plan.channels_nm, plan.bands.as_ref())?;
+            (Reads::Files(plan.clone()), bands)
+        }
+        _ => {
+            let nm = written.laser.clone().unwrap_or_default().wavelength_nm.get();
+            (Reads::Meter, vec![Band { nm, width_nm: 0.0 }])
+        }
+    })
+}
+
+/// Looks that one thing reads the light.
+fn check_detectors(document: &Document, written: &Written) -> Result<(), BenchError> {
+    let there = [
+        ("meter", written.meter.is_some()),
+        ("spectrometer", written.spectrometer.is_some()),
+        ("monochromator", written.monochromator.is_some()),
+        ("files", written.files.is_some()),
+    ];
+    let names: Vec<&str> = there.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
+    let pair = |names: &[&str]| names == ["meter"] || names == ["meter", "monochromator"];
+    if names.len() > 1 && !pair(&names) {
+        let expected = format!(
+            "one detector, and the file has [{}]: [meter], [meter] with [monochromator], [spectrometer], or [files]",
+            names.join("], [")
+        );
+        return Err(document.error_at(names[names.len() - 1], expected).into());
+    }
+    if written.laser.is_some() && names.iter().any(|name| *name != "meter") {
+        let expected = "no [laser] beside [spectrometer], [monochromator] or [files]: their channels say the wavelengths";
+        return Err(document.error_at("laser", expected).into());
+    }
+    if let Some(files) = &written.files {
+        if written.virtual_bench.is_some() {
+            let expected = "[files] on a bench with real axes or axes of device = \"hand\": a virtual bench writes no files";
+            return Err(document.error_at("files", expected).into());
+        }
+        if !(1..=1000).contains(&files.readings) {
+            return Err(document.error_at("files.readings", "1 to 1000 files").into());
+        }
+        if files.pattern.is_empty() || files.pattern.contains(['/', '\\']) {
+            let expected = "a name with * and ?, such as *.csv, without a folder";
+            return Err(document.error_at("files.pattern", expected).into());
+        }
+        if written.scan.readings != Scan::default().readings {
+            let expected =
+                "no such key beside [files]: its readings says how many files a place has";
+            return Err(document.error_at("scan.readings", expected).into());
+        }
+    }
+    let axes = &written.axis;
+    let by_hand = [
+        ("sample", Some(axes.sample.clone())),
+        ("detector", Some(axes.detector.axis())),
+        ("azimuth", axes.azimuth.clone()),
+        ("turn", axes.turn.clone()),
+    ];
+    for (name, axis) in by_hand.into_iter().filter_map(|(name, axis)| Some((name, axis?))) {
+        if axis.is_by_hand() && axis.home {
+            let expected = "no home of an axis that a person turns (device = \"hand\")";
+            return Err(document.error_at(&format!("axis.{name}.home"), expected).into());
+        }
+        if axis.is_by_hand() && !axis.with.is_empty() {
+            let expected = "no options of an axis that a person turns (device = \"hand\")";
+            return Err(document.error_at(&format!("axis.{name}.with"), expected).into());
+        }
+    }
+    Ok(())
+}
+
 fn check(document: &Document, written: &Written) -> Result<(), BenchError> {
     let wrong = |key: &str, expected: &str| -> Result<(), BenchError> {
         Err(document.error_at(key, expected).into())
     };
+    check_detectors(document, written)?;
     let axes = &written.axis;
+    let usual = MeterPlan::default();
+    let has_meter = written.spectrometer.is_none() && written.files.is_none();
+    let meter = has_meter.then(|| &written.meter.as_ref().unwrap_or(&usual).device);
     let devices = [
         ("axis.sample.device", Some(&axes.sample.device)),
         ("axis.detector.device", Some(&axes.detector.device)),
         ("axis.azimuth.device", axes.azimuth.as_ref().map(|axis| &axis.device)),
         ("axis.turn.device", axes.turn.as_ref().map(|axis| &axis.device)),
-        ("meter.device", Some(&written.meter.device)),
+        ("meter.device", meter),
+        ("spectrometer.device", written.spectrometer.as_ref().map(|plan| &plan.device)),
+        ("monochromator.device", written.monochromator.as_ref().map(|plan| &plan.device)),
     ];
     for (key, device) in devices.into_iter().filter_map(|(key, d)| Some((key, d?))) {
         if (device == VIRTUAL) != written.virtual_bench.is_some() {

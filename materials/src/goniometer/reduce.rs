@@ -5,9 +5,14 @@
 //! with the incident power Φ_i from the readings of the beam, carried through the run by the reference direction; s the stray light by the detector's angle; Ω the
 //! stop's solid angle; p the part of the beam that lies on the sample and in the detector's field ([`super::overlap`]); and all angles less the axes' zeros, which come from the beam
 //! straight through and from the sample's lobe seen from both sides.
+//!
+//! A run with several channels has this for each of them, with the dark, the lamp and the stray light of its own. The geometry is one: the zeros and the part of the beam that the detector
+//! takes in come from the channel with most light.
 
 use super::bench::Bench;
+use super::channels::{Band, Reads};
 use super::line::{Line, seen};
+use super::measure::done_of;
 use super::overlap::Sizes;
 use super::pose::{Angles, Kinematics, Pose};
 use super::signature::{
@@ -19,6 +24,7 @@ use crate::reading::{State, kept};
 use crate::retro::AtAngle;
 use crate::retro::readings::{Mean, means};
 use crate::samples::{Sample, Samples, direction};
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 use std::collections::{BTreeMap, HashSet};
@@ -140,12 +146,15 @@ pub struct Instrument {
     pub solid_angle_sr: f64,
     /// Half-angle of its cone, degrees.
     pub cone_half_angle_deg: f64,
-    /// Incident power at the first look at the reference direction, W.
-    #[serde(serialize_with = "measured")]
+    /// Incident power at the first look at the reference direction, W; not a number of channels that have another unit.
+    #[serde(serialize_with = "measured", skip_serializing_if = "is_none")]
     pub incident_w: Measured,
-    /// Reading of the meter without light, W.
-    #[serde(serialize_with = "measured")]
+    /// Reading of the meter without light, W; not a number of channels that have another unit.
+    #[serde(serialize_with = "measured", skip_serializing_if = "is_none")]
     pub dark_w: Measured,
+    /// Channels that have values, by rising wavelength; empty of a power meter at one wavelength.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<ChannelState>,
     /// The beam straight through.
     pub signature: Option<Signature>,
     /// Stray light.
@@ -174,6 +183,37 @@ pub struct Instrument {
     pub missing: Vec<String>,
 }
 
+/// A channel, as a run found it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelState {
+    /// Middle, nm.
+    pub wavelength_nm: f64,
+    /// Width, nm; 0 of a monochromator's wavelength.
+    pub width_nm: f64,
+    /// Unit of the next two; none where the files do not say it.
+    pub unit: Option<&'static str>,
+    /// The incident beam at the first look at the reference direction.
+    #[serde(serialize_with = "measured")]
+    pub incident: Measured,
+    /// Reading without light, of a spectrometer at its longest integration.
+    #[serde(serialize_with = "measured")]
+    pub dark: Measured,
+    /// Relative standard uncertainty that all its values share.
+    pub scale_sigma: f64,
+    /// Standard uncertainty of a value that does not grow with it, sr⁻¹, the median of all directions.
+    pub additive_per_sr: f64,
+    /// Mean stray light, sr⁻¹.
+    pub floor_per_sr: Option<f64>,
+    /// Change of the lamp from the first look to the last, relative.
+    pub drift: Option<f64>,
+    /// Directions that were over range.
+    pub over: usize,
+}
+
+fn is_none(value: &Measured) -> bool {
+    value.value.is_nan()
+}
+
 /// Values of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reduced {
@@ -195,6 +235,10 @@ pub struct Reduced {
     pub refused: usize,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// The channel whose beam the scans show, by its place among the values' wavelengths.
+    pub channel: usize,
+    /// Incident beam of that channel, in its unit.
+    pub incident: f64,
 }
 
 /// Readings at a place as one.
@@ -204,6 +248,29 @@ struct Read {
     stages: Angles,
     time_s: f64,
     mean: Mean,
+    range: String,
+}
+
+/// Standard deviations of the readings that count, where their files tell them: of each place those before its last line that keeps them.
+fn noises(lines: &[Line]) -> BTreeMap<(Part, u32), Vec<f64>> {
+    let mut found = BTreeMap::new();
+    let mut now: Vec<f64> = Vec::new();
+    let mut before = None;
+    for line in lines {
+        let key = (line.part, line.number);
+        if before.replace(key) != Some(key) {
+            now.clear();
+        }
+        match line.state {
+            State::Read => now.extend(line.noise.iter().copied().filter(|n| n.is_finite())),
+            State::Over => {}
+            State::Again => now.clear(),
+            State::Kept => {
+                found.insert(key, std::mem::take(&mut now));
+            }
+        }
+    }
+    found
 }
 
 /// The readings of all parts.
@@ -218,13 +285,23 @@ fn reads(lines: &[Line]) -> BTreeMap<Part, Vec<Read>> {
         numbers.push(number);
         all.push(at);
     }
+    let noises = noises(lines);
     let read = |(part, (numbers, all)): (Part, (Vec<u32>, Vec<AtAngle>))| {
         let means = means(&all);
-        let each = numbers.into_iter().zip(all).zip(means).map(|((number, at), mean)| Read {
-            number,
-            stages: stages.get(&(part, number)).copied().unwrap_or([None; 4]),
-            time_s: at.time_s,
-            mean,
+        let each = numbers.into_iter().zip(all).zip(means).map(|((number, at), mut mean)| {
+            // One file tells its own scatter; several tell theirs, and count as no better than each says.
+            if let Some(noise) = noises.get(&(part, number)).filter(|noise| !noise.is_empty()) {
+                let square = noise.iter().map(|n| n * n).sum::<f64>() / noise.len() as f64;
+                let own = (square / noise.len() as f64).sqrt();
+                mean.sigma_w = if mean.used > 1 { mean.sigma_w.max(own) } else { own };
+            }
+            Read {
+                number,
+                stages: stages.get(&(part, number)).copied().unwrap_or([None; 4]),
+                time_s: at.time_s,
+                mean,
+                range: at.range,
+            }
         });
         (part, each.collect())
     };
@@ -242,30 +319,108 @@ fn between(points: &[(f64, f64)], at: f64) -> f64 {
     }
 }
 
-/// The dark reading.
-struct Dark {
+/// The dark reading in a range.
+struct DarkIn {
+    range: String,
     points: Vec<(f64, f64)>,
     sigma_w: f64,
     /// Scatter of a measurement in the dark, W.
     noise_w: f64,
 }
 
-impl Dark {
-    fn new(reads: Option<&Vec<Read>>) -> Self {
-        let all: Vec<&Read> =
-            reads.into_iter().flatten().filter(|r| r.mean.power_w.is_finite()).collect();
+impl DarkIn {
+    fn new(range: &str, all: &[&Read]) -> Self {
         let points: Vec<(f64, f64)> = all.iter().map(|r| (r.time_s, r.mean.power_w)).collect();
         let n = all.len().max(1) as f64;
         let noise = all.iter().map(|r| r.mean.sigma_w.powi(2)).sum::<f64>().sqrt() / n;
         // What changed between two of them may have changed unevenly.
         let change = points.windows(2).map(|w| (w[1].1 - w[0].1).abs()).fold(0.0, f64::max);
         let noise_w = median(all.iter().map(|r| r.mean.sigma_w)).unwrap_or(0.0);
-        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()), noise_w }
+        let sigma_w = noise.hypot(change / 12.0_f64.sqrt());
+        Self { range: range.to_owned(), points, sigma_w, noise_w }
+    }
+}
+
+/// The dark reading: of a spectrometer one of each integration, by which it has counts that do not grow with time.
+struct Dark {
+    all: Vec<DarkIn>,
+    by_range: bool,
+}
+
+impl Dark {
+    fn new(reads: Option<&Vec<Read>>, by_range: bool) -> Self {
+        let all: Vec<&Read> =
+            reads.into_iter().flatten().filter(|r| r.mean.power_w.is_finite()).collect();
+        let mut ranges: Vec<&str> = Vec::new();
+        for read in &all {
+            if by_range && !ranges.contains(&read.range.as_str()) {
+                ranges.push(&read.range);
+            }
+        }
+        if !by_range && !all.is_empty() {
+            ranges.push("");
+        }
+        let of = |range: &str| {
+            let mine = all.iter().filter(|r| !by_range || r.range == range).copied();
+            DarkIn::new(range, &mine.collect::<Vec<_>>())
+        };
+        Self { all: ranges.into_iter().map(of).collect(), by_range }
     }
 
-    fn at(&self, time_s: f64) -> f64 {
-        if self.points.is_empty() { 0.0 } else { between(&self.points, time_s) }
+    fn is_empty(&self) -> bool {
+        self.all.is_empty()
     }
+
+    fn of(&self, read: &Read) -> Option<&DarkIn> {
+        self.all.iter().find(|dark| !self.by_range || dark.range == read.range)
+    }
+
+    /// Level for a measurement; not a number where its range has none.
+    fn at(&self, read: &Read) -> f64 {
+        self.of(read).map_or(f64::NAN, |dark| between(&dark.points, read.time_s))
+    }
+
+    fn sigma_w(&self, read: &Read) -> f64 {
+        self.of(read).map_or(f64::NAN, |dark| dark.sigma_w)
+    }
+
+    fn noise_w(&self, read: &Read) -> f64 {
+        self.of(read).map_or(f64::NAN, |dark| dark.noise_w)
+    }
+}
+
+/// Geometry that all channels share.
+#[derive(Clone, Copy)]
+struct Shared {
+    signature: Option<Signature>,
+    zeros: Zeros,
+    /// Relative standard uncertainty of the part of the beam that the detector takes in.
+    beam_sigma: f64,
+    /// Whether the channel's own signature is compared with the shared one.
+    compare: bool,
+}
+
+/// A run's directions as values of one channel.
+struct One {
+    reduced: Reduced,
+    /// Number of each row's direction.
+    numbers: Vec<u32>,
+    shared: Shared,
+    /// How much more of the beam the detector takes in by the channel's own scans, relative, and the uncertainty of that.
+    captured: Option<(f64, f64)>,
+}
+
+/// What the reduction of a channel starts from.
+struct Given<'a> {
+    bench: &'a Bench,
+    kinematics: &'a Kinematics,
+    tasks: &'a [Task],
+    missing: &'a [String],
+    unreachable: usize,
+    band: Band,
+    /// Transmission of the filter in the beam.
+    filter: f64,
+    shared: Option<Shared>,
 }
 
 /// Values of a run's lines. `tasks` is all that was to be measured, `unreachable` the directions that it has not.
@@ -280,24 +435,260 @@ pub fn reduce(
     missing: &[String],
     unreachable: &[Planned],
 ) -> Result<Reduced, GoniometerError> {
+    let given = |k: usize, shared: Option<Shared>| {
+        let each = bench.beam.filter_transmissions.as_ref().and_then(|all| all.get(k));
+        let filter = each.unwrap_or(&bench.beam.filter_transmission).get();
+        let unreachable = unreachable.len();
+        let band = bench.bands[k];
+        Given { bench, kinematics, tasks, missing, unreachable, band, filter, shared }
+    };
+    if matches!(bench.reads, Reads::Meter) {
+        return Ok(one(lines, &given(0, None))?.reduced);
+    }
+    let of_channel = |k: usize| Line::of_channel(lines, &bench.reads, k, bench.bands[k].nm);
+    let brightest = brightest(bench, &of_channel).ok_or(GoniometerError::Missing("the beam"))?;
+    let first = one(&of_channel(brightest), &given(brightest, None))?;
+    let count = bench.bands.len();
+    // As many comparisons as say whether the beam differs from channel to channel.
+    let every = count.div_ceil(COMPARED).max(1);
+    let all: Vec<Result<One, GoniometerError>> = (0..count)
+        .into_par_iter()
+        .map(|k| {
+            let compare = k % every == 0 || k + 1 == count;
+            let shared = Shared { compare, ..first.shared };
+            let lines = of_channel(k);
+            one(&lines, &given(k, Some(shared)))
+        })
+        .collect();
+    let kept = done_of(lines, bench);
+    let left =
+        |task: &&Task| task.part == Part::Direction && !kept.contains(&(task.part, task.number));
+    joined(bench, brightest, &first, all, tasks.iter().filter(left).count())
+}
+
+/// Channels whose own signature is compared with the shared one.
+const COMPARED: usize = 8;
+/// Parts of the beam that differ by less than this are the same.
+const SAME_CAPTURED: f64 = 2e-3;
+/// Channels that are named one by one in a warning.
+const NAMED: usize = 4;
+
+/// The channel with most light in the beam, of those that are least often over range in the scans that tell the geometry.
+fn brightest(bench: &Bench, of_channel: &(dyn Fn(usize) -> Vec<Line> + Sync)) -> Option<usize> {
+    let scans = [
+        Part::Beam,
+        Part::SignatureIn,
+        Part::SignatureOut,
+        Part::ZeroPlus,
+        Part::ZeroMinus,
+        Part::Reference,
+    ];
+    let of = |k: usize| {
+        let lines = of_channel(k);
+        let reads = reads(&lines);
+        let dark = Dark::new(reads.get(&Part::Dark), matches!(bench.reads, Reads::Spectrometer(_)));
+        let over = scans.iter().filter_map(|part| reads.get(part)).flatten();
+        let over = over.filter(|read| read.mean.over > 0).count();
+        let beams = reads.get(&Part::Beam).into_iter().flatten();
+        let net = beams
+            .filter(|read| read.mean.over == 0)
+            .map(|read| read.mean.power_w - dark.at(read))
+            .fold(f64::NEG_INFINITY, f64::max);
+        (k, over, net)
+    };
+    let all: Vec<(usize, usize, f64)> = (0..bench.bands.len()).into_par_iter().map(of).collect();
+    let with_light = all.into_iter().filter(|(.., net)| net.is_finite());
+    let best = with_light.max_by(|a, b| b.1.cmp(&a.1).then(a.2.total_cmp(&b.2)));
+    best.map(|(k, ..)| k)
+}
+
+/// Channels as one table.
+fn joined(
+    bench: &Bench,
+    brightest: usize,
+    first: &One,
+    all: Vec<Result<One, GoniometerError>>,
+    left: usize,
+) -> Result<Reduced, GoniometerError> {
+    let mut warnings: Vec<String> = Vec::new();
+    let mut good: Vec<(usize, One)> = Vec::new();
+    let mut dark: Vec<String> = Vec::new();
+    for (k, found) in all.into_iter().enumerate() {
+        match found {
+            Ok(found) => good.push((k, found)),
+            Err(error) => {
+                let why = match error {
+                    GoniometerError::BeamOver => {
+                        "the beam is over its detector's range (a shorter integration, or a filter in the beam)".to_owned()
+                    }
+                    GoniometerError::NoLight { .. } => "no light in the beam".to_owned(),
+                    error => error.to_string(),
+                };
+                dark.push(format!("{} nm: {why}", bench.bands[k].nm));
+            }
+        }
+    }
+    if !dark.is_empty() {
+        warnings.push(format!(
+            "{} of {} channels have no values and are left out: {}{}",
+            dark.len(),
+            bench.bands.len(),
+            dark[..dark.len().min(NAMED)].join("; "),
+            if dark.len() > NAMED { "; …" } else { "" }
+        ));
+    }
+    let Some(channel) = good.iter().position(|(k, _)| *k == brightest) else {
+        return Err(GoniometerError::Missing("the beam"));
+    };
+    // What a channel's own scans say of the part of the beam in the detector.
+    let beam_sigma = first.shared.beam_sigma;
+    let mut differs = 0.0_f64;
+    for (k, found) in &good {
+        let Some((off, sigma)) = found.captured else { continue };
+        if off.abs() > SAME_CAPTURED + 3.0 * sigma.hypot(beam_sigma) {
+            differs = differs.max(off.abs());
+            warnings.push(format!(
+                "at {} nm the detector takes in {:+.2} % of the beam beside the channel at {} nm, whose beam all channels are taken to have: the beam differs with the wavelength, and that is in scale_sigma",
+                bench.bands[*k].nm,
+                100.0 * off,
+                bench.bands[brightest].nm
+            ));
+        }
+    }
+    // One number for the scale of all: what a noisier channel has beyond it is in the σ of its values.
+    let scale = median(good.iter().map(|(_, one)| one.reduced.scale_sigma)).unwrap_or(0.0);
+    let mut rows: BTreeMap<u32, Sample> = BTreeMap::new();
+    let mut order: Vec<u32> = first.numbers.clone();
+    let n = good.len();
+    let mut channels = Vec::with_capacity(n);
+    // Warnings that differ in their numbers alone are one.
+    let mut others: BTreeMap<String, (String, Vec<f64>)> = BTreeMap::new();
+    for (place, (k, found)) in good.iter().enumerate() {
+        let own = &found.reduced;
+        let beyond = (own.scale_sigma.powi(2) - scale * scale).max(0.0).sqrt();
+        for (number, row) in found.numbers.iter().zip(&own.samples.rows) {
+            if !rows.contains_key(number) && !first.numbers.contains(number) {
+                order.push(*number);
+            }
+            let into = rows.entry(*number).or_insert_with(|| Sample {
+                brdf_per_sr: vec![f64::NAN; n],
+                sigma_per_sr: vec![f64::NAN; n],
+                ..row.clone()
+            });
+            into.brdf_per_sr[place] = row.brdf_per_sr[0];
+            into.sigma_per_sr[place] = row.sigma_per_sr[0].hypot(beyond * row.brdf_per_sr[0]);
+        }
+        for warning in &own.warnings {
+            let key = warning.chars().filter(|c| !c.is_ascii_digit()).collect();
+            let entry = others.entry(key).or_insert_with(|| (warning.clone(), Vec::new()));
+            entry.1.push(bench.bands[*k].nm);
+        }
+        let it = &own.instrument;
+        channels.push(ChannelState {
+            wavelength_nm: bench.bands[*k].nm,
+            width_nm: bench.bands[*k].width_nm,
+            unit: bench.reads.unit(),
+            incident: it.incident_w,
+            dark: it.dark_w,
+            scale_sigma: own.scale_sigma,
+            additive_per_sr: it.additive_per_sr,
+            floor_per_sr: it.floor.map(|floor| floor.mean_per_sr),
+            drift: it.drift.last().map(|look| look.relative - 1.0),
+            over: own.over,
+        });
+    }
+    // What one channel says alone, and what all say.
+    let mut missing = first.reduced.instrument.missing.clone();
+    for (text, nm) in others.into_values() {
+        if let Some(what) = text.strip_prefix("not measured: ") {
+            let kind = what.split(':').next().unwrap_or(what);
+            if !missing.iter().any(|m| m.starts_with(kind)) {
+                missing.push(format!("{what} (at {})", named_nm(&nm)));
+            }
+            continue;
+        }
+        if text.ends_with("go on with --resume") {
+            continue;
+        }
+        let at = if nm.len() == n { String::new() } else { format!("{}: ", named_nm(&nm)) };
+        warnings.push(format!("{at}{text}"));
+    }
+    warnings.extend(missing.iter().map(|what| format!("not measured: {what}")));
+    if left > 0 {
+        warnings.push(format!("{left} directions are not measured yet: go on with --resume"));
+    }
+    let most = |of: &dyn Fn(&Instrument) -> f64| {
+        good.iter().map(|(_, one)| of(&one.reduced.instrument)).fold(0.0, f64::max)
+    };
+    let is_watts = bench.reads.unit() == Some("W");
+    let watts = |value: Measured| if is_watts { value } else { Measured::new(f64::NAN, f64::NAN) };
+    let it = &good[channel].1.reduced.instrument;
+    let instrument = Instrument {
+        incident_w: watts(it.incident_w),
+        dark_w: watts(it.dark_w),
+        channels,
+        additive_per_sr: most(&|it| it.additive_per_sr),
+        common_additive_per_sr: most(&|it| it.common_additive_per_sr),
+        stray_bound_per_sr: it
+            .stray_bound_per_sr
+            .map(|_| most(&|it| it.stray_bound_per_sr.unwrap_or(0.0))),
+        least_part: good.iter().map(|(_, o)| o.reduced.instrument.least_part).fold(1.0, f64::min),
+        mirrored: first.reduced.instrument.mirrored,
+        missing,
+        ..it.clone()
+    };
+    let scale_sigma = scale.hypot(differs);
+    let mut meta = first.reduced.samples.meta.clone();
+    meta.insert("scale_sigma".into(), json!(scale_sigma));
+    meta.insert("instrument".into(), json!(instrument));
+    let rows: Vec<Sample> = order.iter().filter_map(|number| rows.remove(number)).collect();
+    let wavelength_nm = good.iter().map(|(k, _)| bench.bands[*k].nm).collect();
+    // Directions without a value in any channel.
+    let over = good.iter().map(|(_, one)| one.reduced.over).min().unwrap_or(0);
+    Ok(Reduced {
+        samples: Samples { wavelength_nm, rows, meta },
+        scans: first.reduced.scans.clone(),
+        scale_sigma,
+        unreachable: first.reduced.unreachable,
+        left,
+        over,
+        refused: good[channel].1.reduced.refused,
+        warnings,
+        channel,
+        incident: it.incident_w.value,
+        instrument,
+    })
+}
+
+/// Wavelengths in words: few one by one.
+fn named_nm(nm: &[f64]) -> String {
+    let few: Vec<String> = nm.iter().take(NAMED).map(ToString::to_string).collect();
+    let more =
+        if nm.len() > NAMED { format!(" and {} more", nm.len() - NAMED) } else { String::new() };
+    format!("{} nm{more}", few.join(", "))
+}
+
+/// Values of one channel's lines.
+fn one(lines: &[Line], given: &Given<'_>) -> Result<One, GoniometerError> {
+    let Given { bench, kinematics, tasks, shared, .. } = *given;
     let reads = reads(lines);
     let of = |part: Part| reads.get(&part).map_or(&[][..], Vec::as_slice);
     let directions = of(Part::Direction);
     if directions.is_empty() {
         return Err(GoniometerError::Missing("directions"));
     }
-    let dark = Dark::new(reads.get(&Part::Dark));
-    if dark.points.is_empty() {
+    let dark = Dark::new(reads.get(&Part::Dark), matches!(bench.reads, Reads::Spectrometer(_)));
+    if dark.is_empty() {
         return Err(GoniometerError::Missing("the dark (the beam blocked)"));
     }
     let solid_angle_sr = bench.stop.solid_angle_sr();
     let cone_half_angle_deg = bench.stop.cone_half_angle_deg();
-    let mut missing: Vec<String> = missing.to_vec();
+    let mut missing: Vec<String> = given.missing.to_vec();
     let mut warnings = Vec::new();
     let net = |read: &Read| Point {
         offset_deg: f64::NAN,
-        power_w: read.mean.power_w - dark.at(read.time_s),
-        sigma_w: read.mean.sigma_w.hypot(dark.sigma_w),
+        power_w: read.mean.power_w - dark.at(read),
+        sigma_w: read.mean.sigma_w.hypot(dark.sigma_w(read)),
     };
     // The scans' offsets are what the stages stood off from where the beam should be.
     let scan = |part: Part, offset: &dyn Fn([f64; 4]) -> f64| -> Vec<Point> {
@@ -312,8 +703,19 @@ pub fn reduce(
     };
     let along = scan(Part::SignatureIn, &|b| b[0] + b[1] - 180.0);
     let across = scan(Part::SignatureOut, &|b| b[2]);
-    let found =
-        if along.len() < 5 { None } else { signature(&along, &across, cone_half_angle_deg) };
+    let own = || {
+        if along.len() < 5 { None } else { signature(&along, &across, cone_half_angle_deg) }
+    };
+    let (found, captured_by) = match shared {
+        None => (own(), None),
+        Some(shared) => {
+            let own = if shared.compare { own() } else { None };
+            let off = own
+                .zip(shared.signature)
+                .map(|(own, all)| (own.captured / all.captured - 1.0, own.captured_sigma));
+            (shared.signature, off)
+        }
+    };
     if found.is_none() {
         if !missing.iter().any(|m| m.starts_with("the signature")) {
             missing.push("the signature (no beam in its scans)".into());
@@ -326,7 +728,7 @@ pub fn reduce(
     }
     let captured = found.map_or(1.0, |s| s.captured);
     // The incident power at both ends.
-    let filter = bench.beam.filter_transmission.get();
+    let filter = given.filter;
     let of_beam = || {
         of(Part::Beam).iter().filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
     };
@@ -364,9 +766,15 @@ pub fn reduce(
             100.0 * lamp.disagree
         ));
     }
-    let zeros = zeros(bench, kinematics, found.as_ref(), &scan, &mut missing);
+    let zeros = match shared {
+        Some(shared) => shared.zeros,
+        None => zeros(bench, kinematics, found.as_ref(), &scan, &mut missing),
+    };
     let floor = FloorScan::new(of(Part::Floor), kinematics, &dark, &lamp, solid_angle_sr);
-    let mirrored = mirrored(bench, found.as_ref(), cone_half_angle_deg, &scan);
+    let mirrored = match shared {
+        Some(_) => None,
+        None => mirrored(bench, found.as_ref(), cone_half_angle_deg, &scan),
+    };
     // All directions.
     let sizes = Sizes {
         beam_mm: bench.beam.diameter_mm.get(),
@@ -384,8 +792,10 @@ pub fn reduce(
     let (mut rows, mut over, mut refused) = (Vec::new(), 0, 0);
     let mut smallest_part = 1.0_f64;
     let (mut additive, mut common_additive) = (Vec::new(), Vec::new());
+    let mut numbers = Vec::new();
     for read in directions {
-        if read.mean.over > 0 || !read.mean.power_w.is_finite() {
+        // One of a range whose dark is not known has no value either.
+        if read.mean.over > 0 || !(read.mean.power_w - dark.at(read)).is_finite() {
             over += 1;
             continue;
         }
@@ -405,9 +815,10 @@ pub fn reduce(
         let value = (point.power_w - stray * incident * solid_angle_sr) * per_watt;
         let noise = point.sigma_w * per_watt;
         let from_floor = stray_sigma / (o.z * part);
-        let shared = (dark.sigma_w * per_watt).hypot(from_floor);
-        common_additive.push(shared);
-        additive.push((dark.noise_w * per_watt).hypot(shared));
+        let common = (dark.sigma_w(read) * per_watt).hypot(from_floor);
+        common_additive.push(common);
+        additive.push((dark.noise_w(read) * per_watt).hypot(common));
+        numbers.push(read.number);
         rows.push(Row {
             pose,
             value,
@@ -469,16 +880,26 @@ pub fn reduce(
         .hypot(beam_sigma)
         .hypot(lamp.scale_sigma)
         .hypot(0.5 * lamp.disagree);
-    let mean = |all: &dyn Fn(&Read) -> f64| {
-        let dark = of(Part::Dark);
-        dark.iter().map(all).sum::<f64>() / dark.len() as f64
+    // Of a spectrometer's integrations the last is the longest.
+    let dark_w = match dark.all.last().filter(|_| dark.by_range) {
+        Some(longest) => {
+            let points = &longest.points;
+            let mean = points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64;
+            Measured::new(mean, longest.sigma_w)
+        }
+        None => {
+            let all = of(Part::Dark);
+            let mean = all.iter().map(|r| r.mean.power_w).sum::<f64>() / all.len() as f64;
+            Measured::new(mean, dark.all[0].sigma_w)
+        }
     };
     let instrument = Instrument {
-        wavelength_nm: bench.wavelength_nm,
+        wavelength_nm: given.band.nm,
         solid_angle_sr,
         cone_half_angle_deg,
         incident_w: Measured::new(lamp.scale_w, lamp.scale_w * lamp.scale_sigma.hypot(beam_sigma)),
-        dark_w: Measured::new(mean(&|r| r.mean.power_w), dark.sigma_w),
+        dark_w,
+        channels: Vec::new(),
         signature: found,
         floor: floor.summary(),
         additive_per_sr: median(additive).unwrap_or(0.0),
@@ -511,18 +932,23 @@ pub fn reduce(
         brdf_per_sr: vec![row.value],
         sigma_per_sr: vec![row.sigma],
     });
-    let samples = Samples { wavelength_nm: vec![bench.wavelength_nm], rows: rows.collect(), meta };
-    Ok(Reduced {
+    let samples = Samples { wavelength_nm: vec![given.band.nm], rows: rows.collect(), meta };
+    let incident = instrument.incident_w.value;
+    let reduced = Reduced {
         samples,
         instrument,
         scans: [along, across],
         scale_sigma,
-        unreachable: unreachable.len(),
+        unreachable: given.unreachable,
         left,
         over,
         refused,
         warnings,
-    })
+        channel: 0,
+        incident,
+    };
+    let shared = Shared { signature: found, zeros, beam_sigma, compare: false };
+    Ok(One { reduced, numbers, shared, captured: captured_by })
 }
 
 struct Row {
@@ -554,8 +980,8 @@ impl Lamp {
         let mut all: Vec<&Read> =
             references.iter().filter(|r| r.mean.over == 0 && r.mean.power_w.is_finite()).collect();
         all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        let net = |r: &Read| r.mean.power_w - dark.at(r.time_s);
-        let light = |r: &&Read| net(r) > 10.0 * r.mean.sigma_w.hypot(dark.sigma_w);
+        let net = |r: &Read| r.mean.power_w - dark.at(r);
+        let light = |r: &&Read| net(r) > 10.0 * r.mean.sigma_w.hypot(dark.sigma_w(r));
         if all.is_empty() || !all.iter().all(light) {
             if !missing.iter().any(|m| m.starts_with("the reference")) {
                 missing.push("the reference direction (no light there): the lamp's drift is taken as even between both readings of the beam".into());
@@ -571,7 +997,7 @@ impl Lamp {
             .map(|r| Look {
                 time_s: r.time_s,
                 relative: net(r) / first,
-                sigma: r.mean.sigma_w.hypot(dark.sigma_w) / first,
+                sigma: r.mean.sigma_w.hypot(dark.sigma_w(r)) / first,
             })
             .collect();
         let track = Track::new(looks.iter().map(|l| (l.time_s, l.relative, l.sigma)).collect());
@@ -686,9 +1112,9 @@ impl FloorScan {
         let mut points: Vec<(f64, f64, f64)> = good
             .map(|r| {
                 let per_watt = 1.0 / (lamp.at(r.time_s).0 * solid_angle_sr);
-                let net = r.mean.power_w - dark.at(r.time_s);
+                let net = r.mean.power_w - dark.at(r);
                 let angle = kinematics.bench(&r.stages, [0.0; 4])[1];
-                (angle, net * per_watt, r.mean.sigma_w.hypot(dark.sigma_w) * per_watt)
+                (angle, net * per_watt, r.mean.sigma_w.hypot(dark.sigma_w(r)) * per_watt)
             })
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));

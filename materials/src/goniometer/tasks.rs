@@ -1,6 +1,7 @@
 //! Everything that a run measures, in its order: the instrument, the zeros, the directions.
 
 use super::bench::Bench;
+use super::channels::Reads;
 use super::pose::{Angles, Kinematics, Pose};
 use crate::plan::Planned;
 use crate::plan::order::shortest_by;
@@ -121,7 +122,11 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
         kinematics.stages([straight, 180.0 - straight + detector, azimuth, 0.0])
     };
     let beam = through(0.0, 0.0);
-    list.add(Part::Dark, beam);
+    // A spectrometer's dark is one of each integration.
+    let darks = darks(bench);
+    for number in 0..darks {
+        list.tasks.push(Task { part: Part::Dark, number, stages: beam });
+    }
     list.add(Part::Beam, beam);
     if bench.signature.measure {
         let (half, step) = (bench.signature.half_width_deg.get(), bench.signature.step_deg.get());
@@ -212,7 +217,9 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
     }
     look(&mut list);
     list.tasks.push(Task { part: Part::Beam, number: 2, stages: beam });
-    list.tasks.push(Task { part: Part::Dark, number: 1, stages: beam });
+    for number in darks..2 * darks {
+        list.tasks.push(Task { part: Part::Dark, number, stages: beam });
+    }
     let List { tasks, missing, .. } = list;
     let all_moves: f64 = tasks.windows(2).map(|pair| way(&pair[0].stages, &pair[1].stages)).sum();
     let estimate_s = reading_s(bench) * tasks.len() as f64 + all_moves;
@@ -271,8 +278,29 @@ pub(super) fn stages(bench: &Bench, kinematics: &Kinematics, planned: &Planned) 
     kinematics.of(&pose).filter(|_| within)
 }
 
+/// Measurements of the dark at each end of a run: one for each integration of a spectrometer.
+#[must_use]
+pub fn darks(bench: &Bench) -> u32 {
+    match &bench.reads {
+        Reads::Spectrometer(plan) => plan.integrations_s().len() as u32,
+        _ => 1,
+    }
+}
+
 /// Time of a measurement without the way to it, s.
 pub(super) fn reading_s(bench: &Bench) -> f64 {
     let readings = f64::from(bench.scan.readings);
-    bench.meter.settle_s.get() + readings * (READING_S + bench.scan.interval_s.get())
+    let interval_s = bench.scan.interval_s.get();
+    let by_meter = bench.meter.settle_s.get() + readings * (READING_S + interval_s);
+    match &bench.reads {
+        Reads::Meter => by_meter,
+        Reads::Monochromator(plan) => bench.bands.len() as f64 * (plan.move_s.get() + by_meter),
+        Reads::Spectrometer(plan) => {
+            // One that chooses takes the middle one of its integrations.
+            let all = plan.integrations_s();
+            let integration_s = all[all.len() / 2] * f64::from(plan.average);
+            plan.settle_s.get() + readings * (integration_s + interval_s)
+        }
+        Reads::Files(plan) => readings * (plan.each_s.get() + interval_s),
+    }
 }

@@ -19,6 +19,32 @@ struct Columns {
     x: Vec<f64>,
     y: Vec<f64>,
     line: Vec<u64>,
+    /// What the file calls its values.
+    quantity: String,
+}
+
+/// A spectrum with what its file says of its axis and values.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Labelled {
+    pub spectrum: RawSpectrum,
+    /// Unit of the axis and quantity of the values, in words.
+    pub label: String,
+    /// The quantity, where it does not grow with the light.
+    pub not_linear: Option<String>,
+}
+
+/// Reads a spectrum as [`read`] does, with what its file says of its axis and values.
+pub(crate) fn read_labelled(path: &Path) -> Result<Labelled, FileError> {
+    let (spectrum, factor, quantity) = read_columns(path, None)?;
+    let axis = match factor {
+        None => "cm-1".to_owned(),
+        Some(factor) => format!("axis in units of {factor} nm"),
+    };
+    let quantity = quantity.trim().to_lowercase();
+    // Logarithms, and what Kubelka and Munk made of a reflectance.
+    let bent = ["absorbance", "log(1/r)", "kubelka"].iter().any(|word| quantity.contains(word));
+    let not_linear = bent.then(|| quantity.clone());
+    Ok(Labelled { spectrum, label: format!("{axis}, `{quantity}`"), not_linear })
 }
 
 /// Reads a spectrum: what its content says, OPUS, JCAMP-DX or CSV. Of several spectra in a file of OPUS that of the sample's light is taken.
@@ -31,6 +57,14 @@ pub fn read(path: &Path) -> Result<RawSpectrum, FileError> {
 
 /// [`read`], of a file of OPUS the spectrum of that name: `sample`, `reference`, `reflectance`, `transmittance`, `absorbance` or `emission`.
 fn read_part(path: &Path, part: Option<&str>) -> Result<RawSpectrum, FileError> {
+    Ok(read_columns(path, part)?.0)
+}
+
+/// A spectrum, the factor of its axis to nm (none of wavenumbers), and what its file calls its values.
+fn read_columns(
+    path: &Path,
+    part: Option<&str>,
+) -> Result<(RawSpectrum, Option<f64>, String), FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
     let columns = if opus::is_opus(&bytes) {
         of_opus(path, &bytes, part)?
@@ -54,7 +88,8 @@ fn read_part(path: &Path, part: Option<&str>) -> Result<RawSpectrum, FileError> 
         }
         wrong
     })?;
-    Ok(RawSpectrum { file: Some(path.display().to_string()), ..read })
+    let read = RawSpectrum { file: Some(path.display().to_string()), ..read };
+    Ok((read, columns.factor, columns.quantity))
 }
 
 /// Names of the spectra of a file of OPUS, as a key has them after `#`.
@@ -91,7 +126,8 @@ fn of_opus(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Columns, Par
         opus::Axis::WavenumberPerCm => None,
         opus::Axis::WavelengthUm => Some(1e3),
     };
-    Ok(Columns { factor, x: found.x(), y: found.y(), line: Vec::new() })
+    let quantity = found.name();
+    Ok(Columns { factor, x: found.x(), y: found.y(), line: Vec::new(), quantity })
 }
 
 fn of_jcamp(path: &Path, text: &str) -> Result<Columns, ParseError> {
@@ -111,7 +147,7 @@ fn of_jcamp(path: &Path, text: &str) -> Result<Columns, ParseError> {
             return Err(error.in_field("XUNITS"));
         }
     };
-    Ok(Columns { factor, x: read.x, y: read.y, line: read.line })
+    Ok(Columns { factor, x: read.x, y: read.y, line: read.line, quantity: read.y_unit })
 }
 
 fn of_csv(path: &Path, text: &str) -> Result<Columns, ParseError> {
@@ -129,7 +165,13 @@ fn of_csv(path: &Path, text: &str) -> Result<Columns, ParseError> {
     let (Some((_, factor)), 2) = (axis, names.len()) else {
         return Err(ParseError::new(path, format!("`{header}`"), expected).at_line(number));
     };
-    let mut columns = Columns { factor: *factor, x: Vec::new(), y: Vec::new(), line: Vec::new() };
+    let mut columns = Columns {
+        factor: *factor,
+        x: Vec::new(),
+        y: Vec::new(),
+        line: Vec::new(),
+        quantity: names[1].to_owned(),
+    };
     for (number, line) in lines {
         let numbers: Option<Vec<f64>> = line.split(',').map(|t| t.trim().parse().ok()).collect();
         let Some([x, y]) = numbers.as_deref() else {

@@ -191,6 +191,11 @@ impl RawSpectrum {
         None
     }
 
+    /// Where a detector stood at its end, if it seems so: both ends of the stretch, nm.
+    pub(crate) fn flat_ends_nm(&self) -> Option<[f64; 2]> {
+        self.flat_top().map(|top| [top.from_nm, top.to_nm])
+    }
+
     fn at(&self, nm: f64) -> f64 {
         let j = self.nm.partition_point(|x| *x <= nm).clamp(1, self.nm.len() - 1) - 1;
         let t = (nm - self.nm[j]) / (self.nm[j + 1] - self.nm[j]);

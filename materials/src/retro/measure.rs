@@ -55,6 +55,19 @@ pub trait Hands {
     /// # Errors
     /// Nobody does.
     fn put(&mut self, place: InBeam) -> Result<(), HandsError>;
+
+    /// Turns the axis of that name to an angle, degrees, and returns when it stands there.
+    ///
+    /// # Errors
+    /// Nobody does.
+    fn turn(&mut self, axis: &str, deg: f64) -> Result<(), HandsError> {
+        Err(format!("nobody turns the axis `{axis}` to {deg:.2}° here").into())
+    }
+
+    /// A spectrum has to be recorded: `text` says which, and where its file goes.
+    fn record(&mut self, text: &str) {
+        let _ = text;
+    }
 }
 
 /// Why a run cannot go on.

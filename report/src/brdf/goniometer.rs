@@ -118,19 +118,34 @@ pub fn product(found: &Reduced, inputs: &[Input]) -> Result<Product, EncodeError
 pub fn text(found: &Reduced) -> String {
     let it = &found.instrument;
     let mut text = format!(
-        "{} at {} nm; {} not measured yet, {} out of reach, {} over range, {} refused\n",
+        "{} at {}; {} not measured yet, {} out of reach, {} over range, {} refused\n",
         counted(found.samples.rows.len(), "direction"),
-        it.wavelength_nm,
+        wavelengths(found),
         found.left,
         found.unreachable,
         found.over,
         found.refused
     );
     let _ = writeln!(text, "scale     ± {:.2} % of all f", 100.0 * found.scale_sigma);
+    let (incident, dark, unit) = match it.channels.get(found.channel) {
+        Some(channel) => {
+            let unit = channel.unit.map_or(String::new(), |unit| format!(" {unit}"));
+            (channel.incident, channel.dark, unit)
+        }
+        None => (it.incident_w, it.dark_w, " W".to_owned()),
+    };
     let _ = writeln!(
         text,
-        "beam      {:.4e} ± {:.1e} W; dark {:.2e} ± {:.1e} W",
-        it.incident_w.value, it.incident_w.sigma, it.dark_w.value, it.dark_w.sigma
+        "beam      {:.4e} ± {:.1e}{unit}; dark {:.2e} ± {:.1e}{unit}{}",
+        incident.value,
+        incident.sigma,
+        dark.value,
+        dark.sigma,
+        if it.channels.len() > 1 {
+            format!(" (at {} nm)", it.wavelength_nm)
+        } else {
+            String::new()
+        }
     );
     let _ =
         writeln!(text, "detector  {:.4e} sr, ± {:.4}°", it.solid_angle_sr, it.cone_half_angle_deg);
@@ -192,6 +207,17 @@ pub fn text(found: &Reduced) -> String {
     text
 }
 
+/// Wavelengths of the values, in words.
+fn wavelengths(found: &Reduced) -> String {
+    match found.samples.wavelength_nm.as_slice() {
+        [one] => format!("{one} nm"),
+        all => {
+            let ends = [all.first(), all.last()].map(|nm| nm.copied().unwrap_or(f64::NAN));
+            format!("{} wavelengths from {} to {} nm", all.len(), ends[0], ends[1])
+        }
+    }
+}
+
 /// Values against the tilt of the facet that mirrors light to detector; the signature; the lamp.
 fn figure(found: &Reduced) -> Figure {
     const MOST: usize = 8;
@@ -205,7 +231,7 @@ fn figure(found: &Reduced) -> Figure {
         let points = rows.iter().filter(|r| (r.theta_i_deg - theta).abs() < 0.05).map(|r| {
             let i = direction(r.theta_i_deg, r.phi_i_deg);
             let h = (i + direction(r.theta_o_deg, r.phi_o_deg)).normalize();
-            (h.truncate().length().atan2(h.z).to_degrees(), r.brdf_per_sr[0])
+            (h.truncate().length().atan2(h.z).to_degrees(), r.brdf_per_sr[found.channel])
         });
         Series::dots(format!("θᵢ {theta:.1}°"), j, points.collect())
     };
@@ -215,7 +241,7 @@ fn figure(found: &Reduced) -> Figure {
         (0..count).map(series).collect(),
     );
     let mut panels = vec![values];
-    let incident = found.instrument.incident_w.value;
+    let incident = found.incident;
     let scan = |label: &str, j: usize| {
         let points = found.scans[j].iter().map(|p| (p.offset_deg, p.power_w / incident));
         Series::line(label, j, points.collect())
@@ -242,5 +268,9 @@ fn figure(found: &Reduced) -> Figure {
             vec![Series::line("against the first look", 0, points.collect())],
         ));
     }
-    Figure { title: format!("BRDF in {} directions", rows.len()), panels }
+    let at = match found.samples.wavelength_nm.as_slice() {
+        [_] => String::new(),
+        all => format!(" at {} nm", all[found.channel]),
+    };
+    Figure { title: format!("BRDF in {} directions{at}", rows.len()), panels }
 }

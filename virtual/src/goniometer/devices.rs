@@ -3,17 +3,20 @@
 //! All take the time from the deadlines that they are given, so that on a [`VirtualClock`](sunglint_drivers::clock::VirtualClock) a run of hours takes no time.
 
 use super::light::{Arms, Bench};
-use super::options::Options;
+use super::options::{Options, SpectrometerOptions};
+use crate::observatory::random::{Purpose, stream};
 use crate::options::OptionError;
 use crate::rig::meter::{Meter, Shown};
 use crate::rig::options::Options as RigOptions;
 use crate::rig::stage::Stage;
+use hifitime::Epoch;
+use rand_distr::{Distribution as _, StandardNormal};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
-    Device, DeviceError, Identity, InBeam, Interrupted, Origin, Power, PowerMeter, RotationStage,
-    Setting, Value,
+    Device, DeviceError, Identity, InBeam, Interrupted, Monochromator, Origin, Power, PowerMeter,
+    RotationStage, Setting, Spectrometer, Spectrum, Value,
 };
 use sunglint_numerics::measured::Interval;
 
@@ -24,6 +27,13 @@ const STAGES: [&str; 4] = [
     "virtual turning stage",
 ];
 const METER: &str = "virtual detector";
+const SPECTROMETER: &str = "virtual spectrometer";
+const MONOCHROMATOR: &str = "virtual monochromator";
+/// Time that the monochromator takes for a nm, and for a move in any case, s.
+const PER_NM_S: f64 = 0.01;
+const MOVE_S: f64 = 0.1;
+/// Wavelengths that it reaches, nm.
+const REACH_NM: [f64; 2] = [200.0, 2500.0];
 /// The range in which the meter chooses by itself.
 const AUTO: &str = "AUTO";
 
@@ -43,6 +53,17 @@ struct State {
     readings: u64,
     /// The light over the lamp's power, for where all stands now.
     light: Option<f64>,
+    /// The same by its parts: grey, the sample's lobe, its Lambert part.
+    parts: Option<[f64; 3]>,
+    /// Wavelength at which the monochromator stands, nm; none where there is none.
+    monochromator_nm: Option<f64>,
+}
+
+/// Wavelengths of a spectrometer's pixels, nm.
+fn pixels(options: &SpectrometerOptions) -> Vec<f64> {
+    let n = options.pixels;
+    let step = (options.to_nm - options.from_nm) / (n - 1) as f64;
+    (0..n).map(|k| options.from_nm + step * k as f64).collect()
 }
 
 impl State {
@@ -70,7 +91,53 @@ impl State {
     fn part(&mut self) -> f64 {
         let (place, arms) = (self.place, self.arms());
         let bench = &self.bench;
-        *self.light.get_or_insert_with(|| bench.part(place, &arms))
+        match self.monochromator_nm {
+            None => *self.light.get_or_insert_with(|| bench.part(place, &arms)),
+            Some(nm) => {
+                let [grey, lobe, base] =
+                    *self.parts.get_or_insert_with(|| bench.parts(place, &arms));
+                let [of_lobe, of_base] = bench.sample_parts(nm);
+                bench.lamp_part(nm) * (grey + of_lobe * lobe + of_base * base)
+            }
+        }
+    }
+
+    /// Something moved.
+    fn moved(&mut self) {
+        (self.light, self.parts) = (None, None);
+    }
+
+    /// Integrates once, at a time: the counts of all pixels; `None` where the cable is out.
+    fn counts(&mut self, at_s: f64, integration_s: f64) -> Option<Vec<f64>> {
+        if self.is_unplugged() {
+            return None;
+        }
+        let (place, arms) = (self.place, self.arms());
+        let bench = &self.bench;
+        let [grey, lobe, base] = *self.parts.get_or_insert_with(|| bench.parts(place, &arms));
+        let options = bench.options();
+        let it = &options.spectrometer;
+        let mut random = stream(options.seed, Purpose::Bin, self.readings);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let lamp = bench.lamp_w(at_s) * (1.0 + options.lamp.noise * normal());
+        let end = it.saturation_counts;
+        let one = |nm: f64| {
+            let [of_lobe, of_base] = bench.sample_parts(nm);
+            let sensitive = (-0.5 * ((nm - it.peak_nm) / it.sensitive_nm).powi(2)).exp();
+            let light = lamp * bench.lamp_part(nm) * (grey + of_lobe * lobe + of_base * base);
+            let per_s = it.counts_per_s_per_w * sensitive * light + it.dark_counts_per_s;
+            let electrons = per_s * integration_s * it.electrons_per_count;
+            // So many electrons that their number is normally distributed; of few the read noise is more.
+            let shot = electrons.sqrt() * normal() / it.electrons_per_count;
+            let read = it.read_noise_counts * normal();
+            (it.bias_counts + per_s * integration_s + shot + read).round().clamp(0.0, end)
+        };
+        let mut counts: Vec<f64> = pixels(it).into_iter().map(one).collect();
+        if options.fault.short_at_reading == Some(self.readings) {
+            counts.truncate(counts.len() / 2);
+        }
+        self.readings += 1;
+        Some(counts)
     }
 }
 
@@ -92,6 +159,8 @@ impl VirtualGoniometer {
             wavelength_nm,
             readings,
             light: None,
+            parts: None,
+            monochromator_nm: None,
         }))))
     }
 
@@ -102,7 +171,8 @@ impl VirtualGoniometer {
     /// Puts something into the beam.
     pub fn place(&self, place: InBeam) {
         let mut state = self.state();
-        (state.place, state.light) = (place, None);
+        state.place = place;
+        state.moved();
     }
 
     /// Returns what is in the beam.
@@ -116,7 +186,7 @@ impl VirtualGoniometer {
         let state = &mut *state;
         if state.stages[axis].motor_deg() != motor_deg {
             state.stages[axis].stand(&state.rig, motor_deg);
-            state.light = None;
+            state.moved();
         }
     }
 
@@ -148,6 +218,23 @@ impl VirtualGoniometer {
         assert!(axis < STAGES.len(), "four stages");
         let travel_deg = self.state().rig.stage.travel_deg;
         VirtualStage { bench: self.clone(), axis, travel_deg }
+    }
+
+    /// A spectrometer in the meter's place.
+    #[must_use]
+    pub fn spectrometer(&self) -> VirtualSpectrometer {
+        let wavelength_nm = pixels(&self.state().bench.options().spectrometer);
+        VirtualSpectrometer { bench: self.clone(), wavelength_nm }
+    }
+
+    /// A monochromator in the beam. It stands at the lamp's wavelength, and from now on the meter sees the light that it lets through.
+    #[must_use]
+    pub fn monochromator(&self) -> VirtualMonochromator {
+        let mut state = self.state();
+        let nm = state.bench.options().lamp.wavelength_nm;
+        state.monochromator_nm = Some(nm);
+        drop(state);
+        VirtualMonochromator(self.clone())
     }
 
     /// The meter behind the detector's stop.
@@ -222,7 +309,7 @@ impl RotationStage for VirtualStage {
         }
         let state_ref = &mut *state;
         let (took_s, arrived) = state_ref.stages[self.axis].turn(&state_ref.rig, angle_deg);
-        state_ref.light = None;
+        state_ref.moved();
         let at = state_ref.stages[self.axis].motor_deg();
         drop(state);
         let name = STAGES[self.axis];
@@ -308,5 +395,109 @@ impl PowerMeter for VirtualDetector {
     fn zero(&mut self, _: &Deadline) -> Result<(), DeviceError> {
         let reason = "its head cannot be covered: the run blocks the beam instead";
         Err(DeviceError::NotReady { device: METER, reason })
+    }
+}
+
+/// The spectrometer of a virtual goniometer.
+#[derive(Debug)]
+pub struct VirtualSpectrometer {
+    bench: VirtualGoniometer,
+    wavelength_nm: Vec<f64>,
+}
+
+impl Device for VirtualSpectrometer {
+    fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+        Ok(identity(SPECTROMETER, self.bench.state().bench.options().seed))
+    }
+
+    fn settings(&mut self, _: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let state = self.bench.state();
+        let it = &state.bench.options().spectrometer;
+        Ok(vec![
+            setting("pixels", Value::Integer(i64::try_from(it.pixels).unwrap_or(i64::MAX))),
+            setting("from_nm", Value::Number(it.from_nm)),
+            setting("to_nm", Value::Number(it.to_nm)),
+            setting("saturation_counts", Value::Number(it.saturation_counts)),
+        ])
+    }
+}
+
+impl Spectrometer for VirtualSpectrometer {
+    fn wavelength_nm(&self) -> &[f64] {
+        &self.wavelength_nm
+    }
+
+    fn integration_s(&self) -> Option<Interval> {
+        Some(self.bench.state().bench.options().spectrometer.integration_s.into())
+    }
+
+    fn expose(&mut self, integration_s: f64, deadline: &Deadline) -> Result<Spectrum, DeviceError> {
+        let range = self.integration_s();
+        if let Some(Interval { low: least, high: most }) = range
+            && !(least..=most).contains(&integration_s)
+        {
+            let name = "integration_s";
+            return Err(DeviceError::OutOfRange { name, asked: integration_s, least, most });
+        }
+        let began_s = deadline.now().as_secs_f64();
+        deadline
+            .sleep(Duration::from_secs_f64(integration_s))
+            .map_err(|expired| DeviceError::expired(SPECTROMETER, "integrating", expired))?;
+        let mut state = self.bench.state();
+        let middle_s = began_s + 0.5 * integration_s;
+        let Some(counts) = state.counts(middle_s, integration_s) else {
+            let what = "it does not answer: its cable is out".to_owned();
+            return Err(DeviceError::Lost { device: SPECTROMETER, what });
+        };
+        let saturation_counts = Some(state.bench.options().spectrometer.saturation_counts);
+        let start = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1)
+            + hifitime::Duration::from_seconds(began_s);
+        let mut wavelength_nm = self.wavelength_nm.clone();
+        wavelength_nm.truncate(counts.len());
+        Ok(Spectrum { start, integration_s, wavelength_nm, counts, saturation_counts })
+    }
+}
+
+/// The monochromator of a virtual goniometer.
+#[derive(Debug)]
+pub struct VirtualMonochromator(VirtualGoniometer);
+
+impl Device for VirtualMonochromator {
+    fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+        Ok(identity(MONOCHROMATOR, self.0.state().bench.options().seed))
+    }
+
+    fn settings(&mut self, _: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let nm = self.0.state().monochromator_nm;
+        Ok(vec![setting("wavelength_nm", Value::Number(nm.unwrap_or(f64::NAN)))])
+    }
+}
+
+impl Monochromator for VirtualMonochromator {
+    fn range_nm(&self) -> Option<Interval> {
+        Some(REACH_NM.into())
+    }
+
+    fn wavelength_nm(&mut self, _: &Deadline) -> Result<f64, DeviceError> {
+        Ok(self.0.state().monochromator_nm.unwrap_or(f64::NAN))
+    }
+
+    fn move_to(
+        &mut self,
+        wavelength_nm: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, Interrupted<Option<f64>>> {
+        let at = self.0.state().monochromator_nm;
+        let [least, most] = REACH_NM;
+        if !(least..=most).contains(&wavelength_nm) {
+            let name = "wavelength_nm";
+            let error = DeviceError::OutOfRange { name, asked: wavelength_nm, least, most };
+            return Err(Interrupted::new(at, error));
+        }
+        let took_s = MOVE_S + PER_NM_S * at.map_or(0.0, |at| (at - wavelength_nm).abs());
+        let expired = |e| Interrupted::new(at, DeviceError::expired(MONOCHROMATOR, "turning", e));
+        deadline.sleep(Duration::from_secs_f64(took_s)).map_err(expired)?;
+        self.0.state().monochromator_nm = Some(wavelength_nm);
+        Ok(wavelength_nm)
     }
 }

@@ -112,6 +112,52 @@ impl Bench {
         self.sample.radiance(i, o)
     }
 
+    /// The lamp's power at a wavelength, nm, over that at its own: Planck's law.
+    pub fn lamp_part(&self, nm: f64) -> f64 {
+        // h c / k in nm K (CODATA 2018).
+        const C2_NM_K: f64 = 1.438_776_877e7;
+        let of = |nm: f64| nm.powi(-5) / (C2_NM_K / (nm * self.options.spectrum.lamp_k)).exp_m1();
+        of(nm) / of(self.options.lamp.wavelength_nm)
+    }
+
+    /// The lobe's and the Lambert part's strength at a wavelength, nm, over the options' reflectances.
+    pub fn sample_parts(&self, nm: f64) -> [f64; 2] {
+        let spectrum = &self.options.spectrum;
+        let away = (nm - spectrum.band_nm) / spectrum.band_width_nm;
+        let lobe = 1.0 - spectrum.band_depth * (-0.5 * away * away).exp();
+        [lobe, (nm / self.options.lamp.wavelength_nm).powf(spectrum.base_exponent)]
+    }
+
+    /// f·cosθ_o of the sample at a wavelength, nm, sr⁻¹, for unit vectors in its axes.
+    pub fn radiance_at(&self, i: DVec3, o: DVec3, nm: f64) -> f64 {
+        let [lobe, base] = self.sample_parts(nm);
+        let [own, under] = self.parts_of_sample();
+        lobe * own.radiance(i, o) + base * under.radiance(i, o)
+    }
+
+    /// The sample's lobe alone, and its Lambert part alone. A Lambert sample is all lobe but for its base.
+    fn parts_of_sample(&self) -> [Sample; 2] {
+        let own = Sample { base_reflectance: 0.0, ..self.sample.clone() };
+        let under = Sample {
+            kind: SampleKind::Lambert,
+            reflectance: self.sample.base_reflectance,
+            base_reflectance: 0.0,
+            ..self.sample.clone()
+        };
+        [own, under]
+    }
+
+    /// The light on the detector over the lamp's power: what is the same at all wavelengths, what the sample's lobe sends and what its Lambert part sends.
+    pub fn parts(&self, place: InBeam, arms: &Arms) -> [f64; 3] {
+        if place != InBeam::Sample {
+            return [self.part(place, arms), 0.0, 0.0];
+        }
+        // Stray light is there without a sample, too.
+        let around = self.part(InBeam::Nothing, arms);
+        let [own, under] = self.parts_of_sample();
+        [around, self.sample_light(&own, arms), self.sample_light(&under, arms)]
+    }
+
     /// Unit vectors from the sample to lamp and detector.
     pub fn directions(arms: &Arms) -> (DVec3, DVec3) {
         let (si, ci) = arms.incidence_deg.to_radians().sin_cos();
@@ -145,12 +191,12 @@ impl Bench {
     }
 
     /// The part of the beam's power that the sample sends into the detector.
-    fn sample_light(&self, arms: &Arms) -> f64 {
+    fn sample_light(&self, sample: &Sample, arms: &Arms) -> f64 {
         let (i, o) = Self::directions(arms);
-        if self.sample.kind == SampleKind::Mirror {
+        if sample.kind == SampleKind::Mirror {
             // The mirrored beam, straight into the detector.
             let mirrored = DVec3::new(-i.x, -i.y, i.z);
-            return self.on_both(arms) * self.sample.reflectance * self.disc_light(mirrored, o);
+            return self.on_both(arms) * sample.reflectance * self.disc_light(mirrored, o);
         }
         let part = self.on_both(arms);
         if part == 0.0 || o.z <= 0.0 || i.z <= 0.0 {
@@ -163,7 +209,7 @@ impl Bench {
         for (a, b, w) in &self.rays {
             let ray = (i + a.tan() * iu + b.tan() * iv).normalize();
             for (x, y, sr) in &self.disc {
-                sum += w * sr * self.radiance(ray, (o + *x * ou + *y * ov).normalize());
+                sum += w * sr * sample.radiance(ray, (o + *x * ou + *y * ov).normalize());
             }
         }
         part * sum
@@ -212,7 +258,7 @@ impl Bench {
             InBeam::Head => 1.0,
             InBeam::Nothing => around,
             InBeam::Through => around + self.disc_light(-i, o),
-            InBeam::Sample => around + self.sample_light(arms),
+            InBeam::Sample => around + self.sample_light(&self.sample, arms),
             InBeam::Standard => {
                 let lambert = o.z.max(0.0) / PI * sr;
                 around + 0.99 * lambert * self.on_both(arms)

@@ -24,6 +24,10 @@ section!(
         field: Field = Field::default(),
         /// Stray light.
         stray: Stray = Stray::default(),
+        /// How sample and lamp change with the wavelength, where a spectrometer or a monochromator looks.
+        spectrum: SpectrumOptions = SpectrumOptions::default(),
+        /// The spectrometer in the meter's place.
+        spectrometer: SpectrometerOptions = SpectrometerOptions::default(),
         /// The meter.
         meter: Meter = Meter { ranges_w: vec![3e-9, 3e-8, 3e-7, 3e-6, 3e-5, 3e-4, 3e-3, 3e-2], ..Meter::default() },
         /// All stages.
@@ -124,6 +128,52 @@ section!(
 );
 
 section!(
+    /// How the light changes with the wavelength λ. At one wavelength, without spectrometer and monochromator, none of it counts.
+    SpectrumOptions {
+        /// Temperature of the lamp's filament, K: its power goes with Planck's law, and is that of `[lamp]` at `[lamp] wavelength_nm`.
+        lamp_k: f64 = 3000.0,
+        /// Middle of a band in which the sample's lobe is weaker, nm.
+        band_nm: f64 = 550.0,
+        /// Standard deviation of the band, nm.
+        band_width_nm: f64 = 40.0,
+        /// Part by which the lobe is weaker in the middle of the band.
+        band_depth: f64 = 0.0,
+        /// Exponent of the Lambert part's reflectance: it goes as (λ/`[lamp] wavelength_nm`) to this.
+        base_exponent: f64 = 0.0,
+    }
+);
+
+section!(
+    /// The spectrometer.
+    SpectrometerOptions {
+        /// Wavelength of the first pixel, nm.
+        from_nm: f64 = 400.0,
+        /// Wavelength of the last pixel, nm.
+        to_nm: f64 = 900.0,
+        /// Number of pixels.
+        pixels: u64 = 1024,
+        /// Counts of a pixel at `[lamp] wavelength_nm` per second and W of the lamp at the start, with all of the beam in the detector.
+        counts_per_s_per_w: f64 = 1e9,
+        /// Wavelength to which the detector is most sensitive, nm.
+        peak_nm: f64 = 600.0,
+        /// Standard deviation of its sensitivity, nm.
+        sensitive_nm: f64 = 200.0,
+        /// Counts without light, at once.
+        bias_counts: f64 = 1500.0,
+        /// Counts per second without light.
+        dark_counts_per_s: f64 = 20.0,
+        /// Standard deviation of a value besides that of its electrons, counts.
+        read_noise_counts: f64 = 8.0,
+        /// Electrons of a count.
+        electrons_per_count: f64 = 4.0,
+        /// Value at which the converter ends.
+        saturation_counts: f64 = 65_535.0,
+        /// Shortest and longest integration, s.
+        integration_s: [f64; 2] = [1e-5, 60.0],
+    }
+);
+
+section!(
     /// The detector's arm.
     Detector {
         /// True where its stage stands on the table and counts from the lamp.
@@ -134,8 +184,10 @@ section!(
 section!(
     /// Faults that occur.
     Fault {
-        /// The reading from which on the meter does not answer, from 0.
+        /// The reading from which on meter or spectrometer do not answer, from 0. Of a meter on a line its own readings count, which it takes all the time.
         unplugged_at_reading: Option<u64> = None,
+        /// The spectrum, from 0, that lacks its second half.
+        short_at_reading: Option<u64> = None,
         /// The angle past which no stage gets, degrees.
         stuck_beyond_deg: Option<f64> = None,
     }
@@ -158,6 +210,9 @@ impl Options {
     /// The first key that it cannot have.
     pub fn check(&self) -> Result<(), OptionError> {
         let Self { sample, zero, lamp, beam, aperture, field, stray, .. } = self;
+        let (spectrum, device) = (&self.spectrum, &self.spectrometer);
+        let nm = (100.0, 2e4, "100 to 20000 nm");
+        let from_pixel = device.from_nm + 1.0;
         let off = (-30.0, 30.0, "-30 to 30 degrees");
         let spread = (0.0, 5.0, "0 to 5 degrees");
         for (key, value, range) in [
@@ -179,6 +234,42 @@ impl Options {
             ("field.diameter_mm", field.diameter_mm.unwrap_or(1.0), POSITIVE),
             ("stray.floor_per_sr", stray.floor_per_sr, SIZE),
             ("stray.towards_lamp", stray.towards_lamp, SIZE),
+            ("spectrum.lamp_k", spectrum.lamp_k, (300.0, 1e5, "300 to 100000 K")),
+            ("spectrum.band_nm", spectrum.band_nm, nm),
+            ("spectrum.band_width_nm", spectrum.band_width_nm, POSITIVE),
+            ("spectrum.band_depth", spectrum.band_depth, PART),
+            ("spectrum.base_exponent", spectrum.base_exponent, (-20.0, 20.0, "-20 to 20")),
+            ("spectrometer.from_nm", device.from_nm, nm),
+            (
+                "spectrometer.to_nm",
+                device.to_nm,
+                (from_pixel, 2e4, "at least 1 nm more than from_nm, up to 20000"),
+            ),
+            ("spectrometer.pixels", device.pixels as f64, (2.0, 1e5, "2 to 100000")),
+            (
+                "spectrometer.counts_per_s_per_w",
+                device.counts_per_s_per_w,
+                (1e-9, 1e18, "1e-9 to 1e18"),
+            ),
+            ("spectrometer.peak_nm", device.peak_nm, nm),
+            ("spectrometer.sensitive_nm", device.sensitive_nm, POSITIVE),
+            ("spectrometer.bias_counts", device.bias_counts, SIZE),
+            ("spectrometer.dark_counts_per_s", device.dark_counts_per_s, SIZE),
+            ("spectrometer.read_noise_counts", device.read_noise_counts, SIZE),
+            ("spectrometer.electrons_per_count", device.electrons_per_count, POSITIVE),
+            ("spectrometer.saturation_counts", device.saturation_counts, (2.0, 1e12, "2 to 1e12")),
+            (
+                "spectrometer.integration_s[0]",
+                device.integration_s[0],
+                (1e-6, 3600.0, "1e-6 to 3600 s"),
+            ),
+            (
+                "spectrometer.integration_s[1]",
+                device.integration_s[1],
+                (device.integration_s[0], 3600.0, "at least the shortest, up to 3600 s"),
+            ),
+            ("meter.reading_s", self.meter.reading_s, (1e-3, 100.0, "0.001 to 100 s")),
+            ("stage.step_deg", self.stage.step_deg, POSITIVE),
         ] {
             within(key, value, range)?;
         }

@@ -7,6 +7,7 @@ use super::devices::VirtualGoniometer;
 use super::options::Options;
 use crate::options::OptionError;
 use crate::rig::meter::Shown;
+use crate::rig::options::Stage;
 use std::fmt::Write as _;
 use std::time::Duration;
 use sunglint_drivers::device::InBeam;
@@ -151,13 +152,20 @@ impl Speaker for Robot {
 }
 
 /// The devices of a goniometer, each at the end of a line: sample on a Trinamic module, detector on a K10CR1, azimuth on a Zaber (not where the detector's arm stands on the table), turn on an
-/// Elliptec, the power on an Ophir, and the hands.
+/// Elliptec, the power on an Ophir, and the hands. Spectrometer and monochromator are not among them.
 ///
 /// # Errors
 /// Options of which no goniometer can be made.
 pub fn wires(options: &Options) -> Result<Vec<Wire>, OptionError> {
     let bench = VirtualGoniometer::new(options.clone(), 0)?;
     let stage = &options.stage;
+    if stage.step_deg != Stage::default().step_deg {
+        return Err(OptionError {
+            key: "stage.step_deg".into(),
+            value: stage.step_deg,
+            expected: "no such key for devices on lines: each stage has the steps of its own model",
+        });
+    }
     let [least, most] = stage.travel_deg;
     let counts = |deg: f64, per_deg: f64| (deg * per_deg).round() as i64;
     let stuck = |per_deg| options.fault.stuck_beyond_deg.map(|deg| counts(deg, per_deg));
