@@ -228,6 +228,58 @@ fn counted_by_nights() -> Vec<String> {
         let width = faint.channels_over_scatter("exact_", channels.iter().copied());
         rows.push((what, "faint_pass", faint.nights(&all, &exact(channels)), Some(width)));
     }
+    // Columns of one quantity: intervals with the truth below and above, the mean pull, how many; a night without any does not count.
+    let of = |name: String| {
+        move |row: Row| {
+            let number = |end: &str| row(&format!("{name}{end}"));
+            let [below, above, of, pull] = ["below", "above", "of", "pull"].map(number);
+            Night { below, above, of, pull }
+        }
+    };
+    let few = Rows::new("few_stars");
+    let kinds = [
+        "κ of six channels by three stars",
+        "… four",
+        "… five",
+        "… seven",
+        "… eight",
+        "… twelve",
+        "… seven of which one is dimmed",
+        "κ of a channel in which three of fourteen stars were measured",
+        "… four",
+        "… six",
+    ];
+    for (k, what) in (1..).zip(kinds) {
+        let key = |end: &str| format!("{end}_{k}");
+        let night = |row: Row| {
+            let [below, above, of, pull] =
+                ["below", "above", "of", "pull"].map(|end| row(&key(end)));
+            Night { below, above, of, pull }
+        };
+        let is_there = |row: Row| row(&key("of")) > 0.0;
+        rows.push((what, "few_stars", few.nights(&is_there, &night), None));
+    }
+    let fibres = Rows::new("fibres");
+    for (what, name) in [
+        ("middles of three fibres' fields, whole nights from photons and pixels", "middle_"),
+        ("… their widths", "width_"),
+    ] {
+        rows.push((what, "fibres", fibres.nights(&all, &of(name.to_owned())), None));
+    }
+    let retro = Rows::new("retro_intervals");
+    for (what, name) in [
+        ("F₀ of a retro-reflection run, the bound of its continuations included", "f0"),
+        ("α of the same, by the law that the sample has", "alpha"),
+    ] {
+        let run = |row: Row| {
+            let number = |end: &str| row(&format!("{name}_{end}"));
+            let [below, above, pull] = ["below", "above", "pull"].map(number);
+            Night { below, above, of: 1.0, pull }
+        };
+        let square = |row: Row| row(&format!("{name}_error")).powi(2);
+        let width = retro.over_scatter(&all, &format!("{name}_half"), &square);
+        rows.push((what, "retro_intervals", retro.nights(&all, &run), Some(width)));
+    }
     let counted: Vec<Coverage> = rows.iter().map(|(.., nights, _)| coverage(nights)).collect();
     let p = holm(&counted.iter().map(|c| c.p).collect::<Vec<_>>());
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);

@@ -49,7 +49,7 @@ fn in_memory(plan: &RunPlan, options: &Options) -> InMemory<Line> {
     record
 }
 
-/// What is kept of a run: its kind (0 Beckmann, 1 GGX), α, then for F₀ and α of the law whether the truth lay below or above the interval, (found − truth)/σ, the error and the half-width, relative.
+/// Columns that are kept of a run: its kind (0 Beckmann, 1 GGX), α, then for F₀ and α of the law whether the truth lay below or above the interval, (found − truth)/σ, the error and the half-width, relative.
 const RETRO_COLUMNS: &[&str] = &[
     "kind",
     "roughness",

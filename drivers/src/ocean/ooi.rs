@@ -18,7 +18,7 @@
 //! are altered, or a packet that is lost in the spectrum in which another came twice.
 //!
 //! # Which light is in a spectrum
-//! As in [`ocean`](super): the first spectrum of each call is thrown away. It was under way before the call, or was held ready since the last one; after a change of the time
+//! Like in [`ocean`](super), the first spectrum of each call is thrown away. It was under way before the call, or was held ready since the last one; after a change of the time
 //! of integration it is of the old time. What comes sooner after the call than its integration lasts is thrown away, too. Models that tell their status are asked for the time of
 //! integration before each spectrum.
 //!

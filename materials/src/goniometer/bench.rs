@@ -396,7 +396,7 @@ pub struct Bench {
     pub axes: Axes,
     /// The meter; of a bench that has none as usual.
     pub meter: MeterPlan,
-    /// What reads the light.
+    /// The reader of the light.
     pub reads: Reads,
     /// Channels, by rising wavelength: one of a meter without a monochromator.
     pub bands: Vec<Band>,
@@ -530,7 +530,7 @@ impl Axis {
     }
 }
 
-/// What reads the light, and its channels.
+/// The reader of the light, and its channels.
 fn reads(document: &Document, written: &Written) -> Result<(Reads, Vec<Band>), BenchError> {
     Ok(match (&written.spectrometer, &written.monochromator, &written.files) {
         (Some(plan), ..) => {

@@ -200,7 +200,7 @@ fn each() -> NonNegative {
     good(NonNegative::new(60.0))
 }
 
-/// What reads the light of a bench.
+/// The reader of the light of a bench.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reads {
     /// The power meter, at one wavelength.

@@ -92,7 +92,7 @@ pub struct Folder {
     known: BTreeMap<String, Stamp>,
     /// Files that were refused, in the state in which they were.
     refused: HashMap<String, Stamp>,
-    /// What each content was taken for: by SHA-256, the file's name.
+    /// Names that each content was taken for: by SHA-256, the file's name.
     taken: HashMap<String, String>,
     grid: Option<Grid>,
     /// When the youngest of the known files was written.
@@ -185,7 +185,7 @@ impl Folder {
         Ok(said.into_iter().collect())
     }
 
-    /// What is wanted, for a person; `reading` counts from 0.
+    /// Words of what is wanted, for a person; `reading` counts from 0.
     #[must_use]
     pub fn wanted(&self, place: &str, reading: u32, readings: u32) -> String {
         let of =

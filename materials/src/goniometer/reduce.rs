@@ -410,7 +410,7 @@ struct One {
     captured: Option<(f64, f64)>,
 }
 
-/// What the reduction of a channel starts from.
+/// Quantities that the reduction of a channel starts from.
 struct Given<'a> {
     bench: &'a Bench,
     kinematics: &'a Kinematics,

@@ -34,7 +34,7 @@ pub enum SpectrumError {
     NoPixel {
         /// Middle of the channel, nm.
         nm: f64,
-        /// Its width, nm.
+        /// The width, nm.
         width_nm: f64,
         /// First pixel, nm.
         from_nm: f64,
@@ -75,11 +75,11 @@ const FULL: f64 = 0.7;
 pub struct SpectrumReader<'a> {
     /// The spectrometer.
     pub device: &'a mut dyn Spectrometer,
-    /// Its clock.
+    /// The clock.
     pub clock: &'a DeviceClock,
     /// Stops it.
     pub cancel: &'a Cancel,
-    /// Its keys.
+    /// The keys.
     pub plan: &'a SpectrometerPlan,
     /// Channels.
     pub bands: &'a [Band],
