@@ -185,6 +185,22 @@ fn a_spectrum_says_where_it_saturates() {
     }
 }
 
+/// Truth: by construction: a lamp so bright that each pixel stands at slot 17's end, spectrum after spectrum, which are equal and no copies.
+#[test]
+fn spectra_that_are_saturated_throughout_are_no_copies() {
+    for name in ["usb4000", "usb2000", "maya2000pro"] {
+        let mut settings = sim::OoiSettings { lamp: 0.0, ..sim::OoiSettings::of(named(name)) };
+        settings.dark_counts_s = 1e9;
+        let end = f64::from(settings.saturation.unwrap_or(settings.model.saturation));
+        let mut bench = Bench::new(settings);
+        let within = bench.within(60);
+        for _ in 0..3 {
+            let spectrum = bench.device.expose(0.02, &within).unwrap();
+            assert!(spectrum.counts.iter().all(|counts| *counts == end), "{name}");
+        }
+    }
+}
+
 /// Truth: what was put into the memory.
 #[test]
 fn the_memory_is_read_and_told() {

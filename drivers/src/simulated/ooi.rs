@@ -46,6 +46,8 @@ pub struct OoiSettings {
     pub integration_at_first_us: u32,
     /// Light of the lamp; 1 saturates in 0.1 s.
     pub lamp: f64,
+    /// Counts of a dark current of a converter of 65535, 1/s.
+    pub dark_counts_s: f64,
     /// How long it takes to answer, and to read a spectrum out.
     pub latency: Duration,
     /// Seed of the noise.
@@ -87,6 +89,7 @@ impl OoiSettings {
             in_order: true,
             integration_at_first_us: model.integration_us[0].max(10_000),
             lamp: 1.0,
+            dark_counts_s: 400.0,
             latency: Duration::from_millis(4),
             seed: 1,
         }
@@ -114,7 +117,7 @@ impl OoiSettings {
             pixels: self.model.pixels,
             coefficients: shifted.map(|c| c as f32).to_vec(),
             dark_counts: 1_500.0 * part,
-            dark_counts_s: 400.0 * part,
+            dark_counts_s: self.dark_counts_s * part,
             noise_counts: (12.0 * part).max(1.0),
             lamp: self.lamp * part,
             saturation: self.end(),

@@ -40,6 +40,8 @@ pub(super) struct Line<U> {
     /// Until when a spectrum may still come that nobody waits for, on the clock of the calls.
     owed_until: Duration,
     serial: Option<String>,
+    /// Value at which the converter ends: spectra that are nothing else may be equal.
+    pub end: u16,
     last: Vec<u16>,
 }
 
@@ -58,6 +60,7 @@ impl<U: Transfers> Line<U> {
             stalled: false,
             owed_until: Duration::ZERO,
             serial: None,
+            end: model.saturation,
             last: Vec::new(),
         }
     }
@@ -250,9 +253,11 @@ impl<U: Transfers> Line<U> {
 
     /// Drops what is in these endpoints until nothing comes any more, and gives how many bytes that was.
     fn drain(&mut self, endpoints: &[u8], deadline: &Deadline) -> Result<usize, TransportError> {
-        let mut dropped = 0;
+        /// Times that an endpoint stalls again after it was set going.
+        const MOST_STALLS: u32 = 8;
+        let (mut dropped, mut stalls) = (0, 0);
         let mut empty = 0;
-        // Twice round without anything: what was held back behind the first is gone, too.
+        // A whole round without anything.
         while empty < endpoints.len() && dropped < MOST_DISCARDED {
             for endpoint in endpoints {
                 deadline.remaining()?;
@@ -267,8 +272,9 @@ impl<U: Transfers> Line<U> {
                         empty = 0;
                     }
                     Err(error) if error.is_timeout() => empty += 1,
-                    Err(TransportError::Stalled { .. }) => {
+                    Err(TransportError::Stalled { .. }) if stalls < MOST_STALLS => {
                         self.set_going(deadline)?;
+                        stalls += 1;
                         dropped += 1;
                         empty = 0;
                     }
@@ -383,7 +389,7 @@ impl<U: Transfers> Line<U> {
             return Err(Trouble::Again(spoilt(reason.to_owned())));
         }
         let counts = counts.map_err(|error| unread("its spectrum", &error))?;
-        let saturated = counts.iter().all(|value| *value >= self.model.saturation);
+        let saturated = counts.iter().all(|value| *value >= self.end);
         if !saturated && counts == self.last {
             let reason =
                 "the same spectrum came twice, value by value: it is a copy of the one before";

@@ -93,6 +93,7 @@ impl<U: Transfers> Ooi<U> {
         // Only the models that share its number are told apart by it.
         let firmware = if model.product == FLAME_S { Some(line.firmware(deadline)?) } else { None };
         let calibration = calibration(&mut line, deadline)?;
+        line.end = calibration.saturation.unwrap_or(model.saturation);
         let wavelength_nm = wavelengths(&calibration.wavelength, model.first_pixel, model.pixels)?;
         Ok(Self {
             line,
@@ -133,10 +134,6 @@ impl<U: Transfers> Ooi<U> {
     /// The line to the instrument.
     pub fn into_line(self) -> U {
         self.line.usb
-    }
-
-    fn saturation(&self) -> u16 {
-        self.calibration.saturation.unwrap_or(self.line.model.saturation)
     }
 }
 
@@ -231,7 +228,7 @@ impl<U: Transfers> Device for Ooi<U> {
         let model = self.line.model;
         let ends = [self.wavelength_nm.first(), self.wavelength_nm.last()];
         let [first, last] = ends.map(|nm| Value::Number(nm.copied().unwrap_or(f64::NAN)));
-        let saturation = Value::Integer(i64::from(self.saturation()));
+        let saturation = Value::Integer(i64::from(self.line.end));
         let said = if self.calibration.saturation.is_some() { read } else { configured };
         let mut settings = vec![
             // At most 3840.
@@ -300,7 +297,7 @@ impl<U: Transfers> Spectrometer for Ooi<U> {
         let longest = Duration::from_micros(u64::from(before));
         // Until this call has ended well, either may be under way.
         self.known_us = Some(before.max(us));
-        let saturation = self.saturation();
+        let saturation = self.line.end;
         let mut stale = self.line.settings.stale;
         if self.line.owes(deadline) {
             // One that nobody waited for may come before all others.
