@@ -387,7 +387,7 @@ pub struct Bench {
     pub axes: Axes,
     /// The meter; of a bench that has none as usual.
     pub meter: MeterPlan,
-    /// What reads the light.
+    /// Detector of the run.
     pub reads: Reads,
     /// Channels, by rising wavelength: one of a meter without a monochromator.
     pub bands: Vec<Band>,
@@ -508,7 +508,7 @@ impl Axis {
     }
 }
 
-/// What reads the light, and its channels.
+/// The detector and its channels.
 fn reads(document: &Document, written: &Written) -> Result<(Reads, Vec<Band>), BenchError> {
     Ok(match (&written.spectrometer, &written.monochromator, &written.files) {
         (Some(plan), ..) => {

@@ -406,7 +406,7 @@ struct One {
     captured: Option<(f64, f64)>,
 }
 
-/// What the reduction of a channel starts from.
+/// Start of the reduction of a channel.
 struct Given<'a> {
     bench: &'a Bench,
     kinematics: &'a Kinematics,
