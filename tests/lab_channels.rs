@@ -186,7 +186,7 @@ fn solid_angle() -> f64 {
 }
 
 impl Ftir<'_> {
-    /// The last thing that the hands were asked for with this beginning.
+    /// The last request to the hands with this beginning.
     fn last(&self, begin: &str) -> Option<String> {
         let asked = std::fs::read_to_string(self.folder.path("asked.txt")).unwrap();
         let found = asked.lines().rev().find_map(|line| line.strip_prefix(begin))?;

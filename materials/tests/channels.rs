@@ -412,8 +412,9 @@ impl Ftir {
         let [grey, lobe, base] = self.light.parts(self.place, &self.arms);
         for (k, per_cm) in wavenumbers().enumerate() {
             let nm = 1e7 / per_cm;
-            let [of_lobe, of_base] = self.light.sample_parts(nm);
-            let light = self.light.lamp_part(nm) * (grey + of_lobe * lobe + of_base * base);
+            let strength = self.light.sample_parts(nm);
+            let light =
+                self.light.lamp_part(nm) * (grey + strength.lobe * lobe + strength.base * base);
             let x = (f64::from(self.count) * 12.9898 + k as f64 * 78.233).sin() * 43_758.545_3;
             let noise = 1e-7 * (x - x.floor() - 0.5);
             text += &format!("{per_cm},{}\n", 10.0 * (light + noise));

@@ -173,7 +173,7 @@ struct Opened {
     reads: OpenedDetector,
 }
 
-/// The reader of the light.
+/// Detector of the run.
 enum OpenedDetector {
     Meter(Box<dyn PowerMeter>),
     Monochromator(Box<dyn Monochromator>, Box<dyn PowerMeter>),

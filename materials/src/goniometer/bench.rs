@@ -396,7 +396,7 @@ pub struct Bench {
     pub axes: Axes,
     /// The meter; of a bench that has none as usual.
     pub meter: MeterPlan,
-    /// The reader of the light.
+    /// Detector of the run.
     pub reads: Reads,
     /// Channels, by rising wavelength: one of a meter without a monochromator.
     pub bands: Vec<Band>,
@@ -530,7 +530,7 @@ impl Axis {
     }
 }
 
-/// The reader of the light, and its channels.
+/// The detector and its channels.
 fn reads(document: &Document, written: &Written) -> Result<(Reads, Vec<Band>), BenchError> {
     Ok(match (&written.spectrometer, &written.monochromator, &written.files) {
         (Some(plan), ..) => {

@@ -8,6 +8,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use sunglint_formats::ParseError;
 use sunglint_formats::toml::{Document, NonNegative, Positive};
+use sunglint_numerics::measured::Interval;
 
 /// Most channels of a run.
 pub const MOST: usize = 2000;
@@ -15,7 +16,8 @@ pub const MOST: usize = 2000;
 pub const LADDER_S: [f64; 4] = [0.01, 0.05, 0.25, 1.25];
 
 /// A channel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(from = "[f64; 2]")]
 pub struct Band {
     /// Middle, nm.
     pub nm: f64,
@@ -23,11 +25,17 @@ pub struct Band {
     pub width_nm: f64,
 }
 
+impl From<[f64; 2]> for Band {
+    fn from([nm, width_nm]: [f64; 2]) -> Self {
+        Self { nm, width_nm }
+    }
+}
+
 impl Band {
     /// Both ends, nm.
     #[must_use]
-    pub fn ends_nm(&self) -> [f64; 2] {
-        [self.nm - 0.5 * self.width_nm, self.nm + 0.5 * self.width_nm]
+    pub fn ends_nm(&self) -> Interval {
+        Interval::new(self.nm - 0.5 * self.width_nm, self.nm + 0.5 * self.width_nm)
     }
 }
 
@@ -76,7 +84,7 @@ pub struct SpectrometerPlan {
     /// Options for its driver, `NAME=VALUE` each.
     pub with: Vec<String>,
     /// Middle and width of each channel, nm.
-    pub channels_nm: Vec<[f64; 2]>,
+    pub channels_nm: Vec<Band>,
     /// Channels side by side.
     pub bands: Option<Even>,
     /// Integration, s.
@@ -169,7 +177,7 @@ pub struct FilesPlan {
     pub pattern: String,
     /// Middle and width of each channel, nm.
     #[serde(default)]
-    pub channels_nm: Vec<[f64; 2]>,
+    pub channels_nm: Vec<Band>,
     /// Channels side by side.
     #[serde(default)]
     pub bands: Option<Even>,
@@ -200,7 +208,7 @@ fn each() -> NonNegative {
     good(NonNegative::new(60.0))
 }
 
-/// The reader of the light of a bench.
+/// Detector of a bench.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reads {
     /// The power meter, at one wavelength.
@@ -235,7 +243,7 @@ impl Reads {
 pub(super) fn bands(
     document: &Document,
     table: &str,
-    channels_nm: &[[f64; 2]],
+    channels_nm: &[Band],
     even: Option<&Even>,
 ) -> Result<Vec<Band>, ParseError> {
     let list = format!("{table}.channels_nm");
@@ -248,9 +256,8 @@ pub(super) fn bands(
             let expected = "from_nm up to to_nm, at most 2000 steps of step_nm";
             document.error_at(&format!("{table}.bands"), expected)
         })?,
-        (listed, None) => {
-            listed.iter().map(|[nm, width_nm]| Band { nm: *nm, width_nm: *width_nm }).collect()
-        }
+        (listed, None) => listed.to_vec(),
+
         (_, Some(_)) => {
             let expected = "channels_nm or bands, not both";
             return Err(document.error_at(&format!("{table}.bands"), expected));
@@ -260,7 +267,7 @@ pub(super) fn bands(
         band.nm.is_finite()
             && band.width_nm.is_finite()
             && band.width_nm > 0.0
-            && band.ends_nm()[0] > 0.0
+            && band.ends_nm().low > 0.0
     };
     let is_rising = found.windows(2).all(|w| w[0].nm < w[1].nm);
     if found.len() > MOST || !found.iter().all(good) || !is_rising {

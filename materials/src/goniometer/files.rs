@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_formats::FileError;
+use sunglint_numerics::measured::Interval;
 
 /// Copies of the files that were taken, in a run's folder.
 pub const COPIES: &str = "spectra";
@@ -92,7 +93,7 @@ pub struct Folder {
     known: BTreeMap<String, Stamp>,
     /// Files that were refused, in the state in which they were.
     refused: HashMap<String, Stamp>,
-    /// Names that each content was taken for: by SHA-256, the file's name.
+    /// Names of the files that were taken, by the SHA-256 of their content.
     taken: HashMap<String, String>,
     grid: Option<Grid>,
     /// When the youngest of the known files was written.
@@ -185,7 +186,7 @@ impl Folder {
         Ok(said.into_iter().collect())
     }
 
-    /// Words of what is wanted, for a person; `reading` counts from 0.
+    /// Says to a person which spectrum is wanted; `reading` counts from 0.
     #[must_use]
     pub fn wanted(&self, place: &str, reading: u32, readings: u32) -> String {
         let of =
@@ -332,7 +333,7 @@ impl Folder {
         let top = spectrum.flat_ends_nm();
         let (mut values, mut noise) = (Vec::new(), Vec::new());
         for band in &self.bands {
-            let [from, to] = band.ends_nm();
+            let Interval { low: from, high: to } = band.ends_nm();
             let first = spectrum.nm.partition_point(|nm| *nm < from);
             let inside = &spectrum.y[first..spectrum.nm.partition_point(|nm| *nm < to).max(first)];
             if inside.len() < 2 {

@@ -54,7 +54,7 @@ pub struct Line {
 /// A file that was taken for a reading.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Taken {
-    /// The name.
+    /// Name of the file.
     pub name: String,
     /// SHA-256 of its content, as hexadecimal digits.
     pub sha256: String,

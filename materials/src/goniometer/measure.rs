@@ -132,7 +132,7 @@ pub struct Rig<'a> {
     pub cancel: Cancel,
 }
 
-/// The reader of the light of a run.
+/// Detector of a run.
 pub enum Detector<'a> {
     /// A power meter.
     Meter(&'a mut dyn PowerMeter),
@@ -148,7 +148,7 @@ pub enum Detector<'a> {
 pub struct Devices<'a> {
     /// Stages of the axes: sample, detector, azimuth, turn; none of an axis that a person turns.
     pub stages: [Option<&'a mut dyn RotationStage>; 4],
-    /// The reader of the light.
+    /// Detector of the run.
     pub detector: Detector<'a>,
     /// Who puts things into the beam, and turns axes without a motor.
     pub hands: &'a mut dyn Hands,

@@ -410,7 +410,7 @@ struct One {
     captured: Option<(f64, f64)>,
 }
 
-/// Quantities that the reduction of a channel starts from.
+/// Start of the reduction of a channel.
 struct Given<'a> {
     bench: &'a Bench,
     kinematics: &'a Kinematics,

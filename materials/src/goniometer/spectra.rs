@@ -6,6 +6,7 @@ use crate::reading::{State, TRIES, TRY_AGAIN};
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{DeviceError, Spectrometer, Spectrum};
+use sunglint_numerics::measured::Interval;
 
 /// Why there is no spectrum.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +35,7 @@ pub enum SpectrumError {
     NoPixel {
         /// Middle of the channel, nm.
         nm: f64,
-        /// The width, nm.
+        /// Width, nm.
         width_nm: f64,
         /// First pixel, nm.
         from_nm: f64,
@@ -75,11 +76,11 @@ const FULL: f64 = 0.7;
 pub struct SpectrumReader<'a> {
     /// The spectrometer.
     pub device: &'a mut dyn Spectrometer,
-    /// The clock.
+    /// Clock of the spectrometer.
     pub clock: &'a DeviceClock,
     /// Stops it.
     pub cancel: &'a Cancel,
-    /// The keys.
+    /// Keys of the spectrometer in the file.
     pub plan: &'a SpectrometerPlan,
     /// Channels.
     pub bands: &'a [Band],
@@ -93,7 +94,7 @@ pub struct SpectrumReader<'a> {
 
 /// Pixels of a channel, as places among all.
 fn pixels(wavelength_nm: &[f64], band: &Band) -> std::ops::Range<usize> {
-    let [from, to] = band.ends_nm();
+    let Interval { low: from, high: to } = band.ends_nm();
     let first = wavelength_nm.partition_point(|nm| *nm < from);
     first..wavelength_nm.partition_point(|nm| *nm < to).max(first)
 }

@@ -19,7 +19,7 @@ struct Columns {
     x: Vec<f64>,
     y: Vec<f64>,
     line: Vec<u64>,
-    /// Name that the file has for its values.
+    /// Name of the values in the file.
     quantity: String,
 }
 

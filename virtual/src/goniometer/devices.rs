@@ -96,8 +96,8 @@ impl State {
             Some(nm) => {
                 let [grey, lobe, base] =
                     *self.parts.get_or_insert_with(|| bench.parts(place, &arms));
-                let [of_lobe, of_base] = bench.sample_parts(nm);
-                bench.lamp_part(nm) * (grey + of_lobe * lobe + of_base * base)
+                let strength = bench.sample_parts(nm);
+                bench.lamp_part(nm) * (grey + strength.lobe * lobe + strength.base * base)
             }
         }
     }
@@ -122,9 +122,10 @@ impl State {
         let lamp = bench.lamp_w(at_s) * (1.0 + options.lamp.noise * normal());
         let end = it.saturation_counts;
         let one = |nm: f64| {
-            let [of_lobe, of_base] = bench.sample_parts(nm);
+            let strength = bench.sample_parts(nm);
             let sensitive = (-0.5 * ((nm - it.peak_nm) / it.sensitive_nm).powi(2)).exp();
-            let light = lamp * bench.lamp_part(nm) * (grey + of_lobe * lobe + of_base * base);
+            let light =
+                lamp * bench.lamp_part(nm) * (grey + strength.lobe * lobe + strength.base * base);
             let per_s = it.counts_per_s_per_w * sensitive * light + it.dark_counts_per_s;
             let electrons = per_s * integration_s * it.electrons_per_count;
             // So many electrons that their number is normally distributed; of few the read noise is more.

@@ -21,6 +21,15 @@ pub struct Arms {
     pub turn_deg: f64,
 }
 
+/// Strengths of a sample's parts at a wavelength, over those of the options.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleParts {
+    /// Strength of the lobe.
+    pub lobe: f64,
+    /// Strength of the Lambert part.
+    pub base: f64,
+}
+
 /// A goniometer without its chance: what light there is.
 #[derive(Debug, Clone)]
 pub struct Bench {
@@ -121,16 +130,17 @@ impl Bench {
     }
 
     /// The lobe's and the Lambert part's strength at a wavelength, nm, over the options' reflectances.
-    pub fn sample_parts(&self, nm: f64) -> [f64; 2] {
+    pub fn sample_parts(&self, nm: f64) -> SampleParts {
         let spectrum = &self.options.spectrum;
         let away = (nm - spectrum.band_nm) / spectrum.band_width_nm;
         let lobe = 1.0 - spectrum.band_depth * (-0.5 * away * away).exp();
-        [lobe, (nm / self.options.lamp.wavelength_nm).powf(spectrum.base_exponent)]
+        let base = (nm / self.options.lamp.wavelength_nm).powf(spectrum.base_exponent);
+        SampleParts { lobe, base }
     }
 
     /// f·cosθ_o of the sample at a wavelength, nm, sr⁻¹, for unit vectors in its axes.
     pub fn radiance_at(&self, i: DVec3, o: DVec3, nm: f64) -> f64 {
-        let [lobe, base] = self.sample_parts(nm);
+        let SampleParts { lobe, base } = self.sample_parts(nm);
         let [own, under] = self.parts_of_sample();
         lobe * own.radiance(i, o) + base * under.radiance(i, o)
     }
