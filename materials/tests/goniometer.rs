@@ -641,7 +641,9 @@ fn the_polarisation_of_the_light_is_in_the_doubt() {
     for (made, least) in both {
         let (_, found) = at(made, 55.0);
         eprintln!("at {theta:.1} and 60: {found:.3} for {own:.3}, at least {least:.3}");
-        assert!(found >= least && found <= (least / 0.95).hypot(own) + 0.05, "{found} {own}");
+        // A doubt is the mean of its neighbours', of which some are further from that angle.
+        let good = found >= 0.95 * least && found <= (least / 0.95).hypot(own) + 0.05;
+        assert!(good, "{found} {own}");
     }
     let normal = |made: &Assembled| {
         let small = |d: &&Doubt| d.theta_o_deg == 0.0 && d.theta_i_deg < 5.0;

@@ -23,8 +23,9 @@ const OUTLIER: f64 = 4.0;
 /// Odds against a level of its own of a group that lies where the others do, once for how seldom such groups are (glow, a spot: one in a hundred) and once for how far off they may lie (some twenty standard deviations of its noise). It is as likely
 /// as not at 3.9 standard deviations.
 const OWN_ODDS: f64 = 2000.0;
-/// Standard deviations by which the scatter between groups has to stand out of what noise makes by chance, before they are taken to differ: nine tiles scatter by half more in one of ten sensors.
-const CHANCE_SIGMAS: f64 = 1.28;
+/// Standard deviations by which the scatter between groups has to stand out of what noise makes by chance, before they are taken to differ: nine tiles of noise alone scatter by twice as much (mean square) in one of thirty sensors, by three times in one of five hundred. What
+/// groups differ by less an aperture would have as much of from the noise.
+const CHANCE_SIGMAS: f64 = 4.0;
 /// Groups of a kind, and pixels of each, from which on they are looked at.
 const LEAST: usize = 8;
 
@@ -395,13 +396,13 @@ mod tests {
         }
     }
 
-    /// Truth: the dark that was put in, even all over: sensors of the demonstration's size (144 px, four colours), 13 frames of 15 ADU, 60 of them. What is left in sums over an aperture of 29 px across in one colour is below a tenth of the mean's error in the mean of squares, and in none of 240 above one and a half of its
-    /// standard deviations: before, a tile that was off by chance stayed, and with it 6 % of a star's light in one night of 200.
+    /// Truth: the dark that was put in, even all over: sensors of the demonstration's size (144 px, four colours), 13 frames of 15 ADU, 60 of them. The root mean square of what is left in sums over an aperture of 29 px in one colour is below 0.3 of the mean's error, and one in twenty is above half of it
+    /// at most (0.19 and 1.5 % by a program of its own, in Python): before it was 0.42 and 17 %, since tiles stayed that were off by chance, with 6 % of a star's light in one night of 200.
     #[test]
     fn no_tile_stays_by_chance() {
         let even = Dark::default();
         let mut state = 11;
-        let (mut squares, mut largest, mut of_mean) = (0.0, 0.0_f64, 0.0);
+        let (mut squares, mut of_mean, mut left) = (0.0, 0.0, Vec::new());
         let number = 60;
         for _ in 0..number {
             let (truth, all) = darks(even, 1, Some(Bayer::Rggb));
@@ -425,12 +426,13 @@ mod tests {
             for (quiet, mean) in sums[0].iter().zip(&sums[1]) {
                 squares += quiet * quiet;
                 of_mean += mean * mean;
-                largest = largest.max(quiet.abs());
+                left.push(quiet.abs());
             }
         }
         let (own, plain) = ((squares / 240.0).sqrt(), (of_mean / 240.0).sqrt());
-        println!("sums: {own:.1}, at most {largest:.1}, of the mean {plain:.1}");
-        assert!(own < 0.1_f64.sqrt() * plain && largest < 1.5 * plain, "{own} {largest} {plain}");
+        let much = left.iter().filter(|left| **left > 0.5 * plain).count();
+        println!("sums: {own:.1}, of the mean {plain:.1}; above half of it {much}");
+        assert!(own < 0.3 * plain && much <= 12, "{own} {plain} {much}");
     }
 
     /// Truth: by hand: frames without noise make the dark that they are, whatever its pattern; one frame alone is taken as it is; two frames of one level but for their own levels make their mean.
