@@ -1,7 +1,7 @@
 //! Devices, clock and hands of a run on a lab rig: what the runs of `brdf` and `efficiency` have in common.
 
 use crate::interrupt::{Hangup, listen as listen_for};
-use crate::output::{Console, OutputArgs, Usage};
+use crate::output::{Console, OutputArgs, Usage, tell};
 use crate::progress::Bar;
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -302,7 +302,8 @@ impl Hands for Person {
     }
 
     fn record(&mut self, text: &str) {
-        self.console.say(text);
+        // With -q, too: the run waits for it.
+        tell(text);
     }
 }
 
@@ -320,7 +321,7 @@ impl Person {
                 "the run needs a hand: {what}; there is no terminal to ask on: start it on one, name a program that does it (--hands), or give --yes where something else does it"
             );
         }
-        self.console.say(&format!("{what}, then press Enter"));
+        tell(&format!("{what}, then press Enter"));
         self.asking.store(true, Ordering::SeqCst);
         let mut line = String::new();
         let answered = std::io::stdin().read_line(&mut line);

@@ -20,6 +20,8 @@ pub enum Method {
     Bootstrap,
     /// Student's t about the fit: too few stars for a bootstrap.
     Student,
+    /// Student's t in channels that too few stars were measured in, the bootstrap in the others.
+    Mixed,
 }
 
 /// Intervals of the first parameters of a fit, those of ln κ, as offsets below and above each.
@@ -67,7 +69,9 @@ pub(super) fn intervals(
         // The upper tail of the resamples says how far below the truth may lie.
         (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
     };
-    (draws.iter_mut().enumerate().map(interval).collect(), Method::Bootstrap)
+    let method =
+        if (0..channels).any(|i| measured(i) < FEWEST) { Method::Mixed } else { Method::Bootstrap };
+    (draws.iter_mut().enumerate().map(interval).collect(), method)
 }
 
 /// Standard deviations of the parameters from how the stars disagree, whatever their stated variances.

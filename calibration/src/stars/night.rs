@@ -28,7 +28,7 @@ pub struct Night {
     pub b_minus_v_mag: Option<[f64; 3]>,
     /// Whether the stars depend on airmass so much that they were judged about a slope: κ is then that of the mean airmass only.
     pub sloped: bool,
-    /// How the intervals were found: by `bootstrap` over stars, or by `student` where there are too few for it.
+    /// How the intervals were found: by `bootstrap` over stars, by `student` where there are too few for it, or `mixed` where there are too few in some channels.
     pub method: &'static str,
     /// An aerosol's depth, where it was asked for.
     pub aerosol: Option<Aerosol>,
@@ -180,6 +180,7 @@ impl Fitted {
         let method = match method {
             Method::Bootstrap => "bootstrap",
             Method::Student => "student",
+            Method::Mixed => "mixed",
         };
         Ok(Night {
             covariance,

@@ -177,6 +177,8 @@ pub struct Instrument {
     pub polarisation: [Option<String>; 2],
     /// The share of what is measured that is polarised across the plane of incidence less that in it; none where it is not said.
     pub polarised: Option<f64>,
+    /// The detector's own part of that.
+    pub detector_polarised: f64,
     /// Refractive index n + ik of the sample's facets, where it is said.
     pub sample_index: Option<[f64; 2]>,
     /// Quantities that were not measured, and what is assumed instead.
@@ -911,6 +913,7 @@ fn one(lines: &[Line], given: &Given<'_>) -> Result<One, GoniometerError> {
         least_part: smallest_part,
         polarisation: [bench.beam.polarisation.clone(), bench.detector_polarisation.clone()],
         polarised: bench.polarised(),
+        detector_polarised: bench.detector_polarised.unwrap_or(0.0),
         sample_index: bench.sample.index.map(|(n, k)| [n.get(), k.get()]),
         missing,
     };
