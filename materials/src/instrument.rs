@@ -16,11 +16,19 @@ pub(crate) const HALF: f64 = 1.96;
 /// Largest part of a value that is taken to be stray light, or to be missing by its polarisation.
 const MOST_STRAY: f64 = 0.95;
 /// Refractive index of facets that nobody told of: of those that shine few polarise more.
-const GLASS: [f64; 2] = [1.5, 0.0];
+const GLASS: Index = Index { n: 1.5, k: 0.0 };
+
+/// Refractive index n + ik.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Index {
+    /// Real part.
+    pub n: f64,
+    /// Imaginary part.
+    pub k: f64,
+}
 
 /// Polarisation of a measurement: the share that is polarised across the plane of incidence less that in it.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Polarised {
     /// The table says nothing of it, as those of other programs.
     #[default]
@@ -29,6 +37,14 @@ pub enum Polarised {
     Unknown,
     /// The share, −1 to 1.
     Known(f64),
+}
+
+impl Serialize for Polarised {
+    /// Writes the share; nothing where it is not known.
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let share = if let Self::Known(share) = self { Some(share) } else { None };
+        share.serialize(serializer)
+    }
 }
 
 /// An instrument as a table says it.
@@ -51,9 +67,10 @@ pub struct TableInstrument {
     /// Polarisation of the measurement.
     pub polarised: Polarised,
     /// Whether the detector tells polarisations apart.
+    #[serde(skip)]
     pub is_detector_polarised: bool,
     /// Refractive index n + ik of the sample's facets, where the run knew it.
-    pub index: Option<[f64; 2]>,
+    pub index: Option<Index>,
     /// Quantities that were not measured, and what is assumed instead.
     pub missing: Vec<String>,
 }
@@ -119,10 +136,10 @@ impl TableInstrument {
                 None => Polarised::Unknown,
             },
         };
-        let part = |k: usize, least: f64| {
-            it["sample_index"].get(k)?.as_f64().filter(|v| (least..=100.0).contains(v))
+        let part = |key: &str, least: f64| {
+            it["sample_index"].get(key)?.as_f64().filter(|v| (least..=100.0).contains(v))
         };
-        let index = part(0, 0.01).zip(part(1, 0.0)).map(|(n, k)| [n, k]);
+        let index = part("n", 0.01).zip(part("k", 0.0)).map(|(n, k)| Index { n, k });
         Some(Self {
             cone_half_angle_deg,
             source_half_angle_deg,
@@ -165,7 +182,7 @@ impl TableInstrument {
     /// polarised too, its axes turn with it, and out of the plane the worse sign counts. An unknown P is as likely anywhere from −1 to 1: below −0.9 it is once in twenty.
     #[must_use]
     pub fn polarised_ln(&self, i: DVec3, o: DVec3) -> f64 {
-        let [n, k] = self.index.unwrap_or(GLASS);
+        let Index { n, k } = self.index.unwrap_or(GLASS);
         let cos = i.dot((i + o).normalize_or(DVec3::Z)).clamp(0.0, 1.0);
         let degree = || {
             let whole = conductor::fresnel(n, k, cos);
@@ -300,7 +317,7 @@ mod tests {
         // Aluminium at 633 nm (n = 1.37, k = 7.62): R_s and R_p at 60° by Python's complex numbers (Born and Wolf, §1.5.2, with a complex index).
         let metal = TableInstrument {
             polarised: Polarised::Known(1.0),
-            index: Some([1.37, 7.62]),
+            index: Some(Index { n: 1.37, k: 7.62 }),
             ..Default::default()
         };
         let (i, o) = at(60.0);

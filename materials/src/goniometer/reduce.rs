@@ -19,6 +19,7 @@ use super::signature::{
     Point, Signature, fwhm_deg, lobe_fwhm_deg, measured, optional, peak, signature,
 };
 use super::tasks::{Part, RESUMED, Task};
+use crate::instrument::Index;
 use crate::plan::Planned;
 use crate::reading::{State, kept};
 use crate::retro::AtAngle;
@@ -180,7 +181,7 @@ pub struct Instrument {
     /// The detector's own part of that.
     pub detector_polarised: f64,
     /// Refractive index n + ik of the sample's facets, where it is said.
-    pub sample_index: Option<[f64; 2]>,
+    pub sample_index: Option<Index>,
     /// Quantities that were not measured, and what is assumed instead.
     pub missing: Vec<String>,
 }
@@ -914,7 +915,7 @@ fn one(lines: &[Line], given: &Given<'_>) -> Result<One, GoniometerError> {
         polarisation: [bench.beam.polarisation.clone(), bench.detector_polarisation.clone()],
         polarised: bench.polarised(),
         detector_polarised: bench.detector_polarised.unwrap_or(0.0),
-        sample_index: bench.sample.index.map(|(n, k)| [n.get(), k.get()]),
+        sample_index: bench.sample.index.map(|(n, k)| Index { n: n.get(), k: k.get() }),
         missing,
     };
     let known: HashSet<u32> = directions.iter().map(|read| read.number).collect();
