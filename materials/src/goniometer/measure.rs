@@ -266,6 +266,10 @@ fn all(
     let begun = done.iter().any(|(part, _)| *part == Part::Direction);
     let goes_on = left.first().is_some_and(|task| task.part == Part::Direction);
     let settle_s = bench.meter.settle_s.get();
+    // A look at the reference that was broken off between two wavelengths is read anew as a whole: its wavelengths tell the lamp at one time.
+    let mut done_each = done_each(before);
+    done_each
+        .retain(|(part, number, _)| *part != Part::Reference || done.contains(&(*part, *number)));
     // A run that goes on looks at the reference first, long after the place before.
     let same_light = |a: &(Part, u32, u64), b: &(Part, u32, u64)| {
         a.0.place() == b.0.place() && !(b.0 == Part::Reference && b.1 >= RESUMED)
@@ -279,7 +283,7 @@ fn all(
         at: [None; 4],
         place: None,
         settling: Settling::of_run(seen_each(before), settle_s, same_light),
-        done: done_each(before),
+        done: done_each,
         integration: 0,
         dark_counts: dark_counts(before, bench),
     };
