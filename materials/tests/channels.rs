@@ -19,7 +19,7 @@ use sunglint_materials::goniometer::folder;
 use sunglint_materials::goniometer::line::{BENCH, Begun, FILES, Line, Log, PLAN};
 use sunglint_materials::goniometer::measure::{Detector, Devices, RunError, done_of, measure_with};
 use sunglint_materials::goniometer::pose::Kinematics;
-use sunglint_materials::goniometer::reduce::{Reduced, reduce};
+use sunglint_materials::goniometer::reduce::{GoniometerError, Reduced, reduce};
 use sunglint_materials::goniometer::tasks::{Part, Tasks, tasks};
 use sunglint_materials::log::{InMemory, Record, RecordError};
 use sunglint_materials::plan::Planned;
@@ -113,6 +113,9 @@ fn go_on(
     measure_with(&mut devices, bench, &list.tasks, before, 0.0, record)
 }
 
+/// What a run says of channels that saturate in the beam.
+const OVER: &str = "over the detector's range in the beam";
+
 fn reduced(bench: &Bench, list: &Tasks, lines: &[Line]) -> Reduced {
     let kinematics = Kinematics::new(bench);
     reduce(lines, bench, &kinematics, &list.tasks, &list.missing, &list.unreachable).unwrap()
@@ -122,8 +125,11 @@ fn whole(bench: &Bench, options: &Options, planned: &[Planned]) -> (Vec<Line>, T
     let list = tasks(bench, &Kinematics::new(bench), planned);
     let mut told = Told::default();
     go_on(bench, options, &list, &[], &mut told).unwrap();
-    assert!(told.events.is_empty(), "{:?}", told.events);
+    // Where the beam saturates, the run says so, and nothing else.
+    assert!(told.events.iter().all(|text| text.contains(OVER)), "{:?}", told.events);
     let found = reduced(bench, &list, &told.lines);
+    let over = found.warnings.iter().any(|text| text.contains("the beam is over its"));
+    assert_eq!(!told.events.is_empty(), over, "{:?}", told.events);
     (told.lines, list, found)
 }
 
@@ -222,6 +228,23 @@ fn channels_that_saturate_are_left_out_alone() {
     );
     let (within, worst, _) = against(&found, &light, 6e-3);
     assert!(within >= 0.9 && worst < 0.02, "{within} {worst}");
+}
+
+/// A beam that saturates all channels. Truth: it has readings, all over range; to go on with the run would not help. The run says it at the beam, and the values' error is that of the beam.
+#[test]
+fn a_beam_that_saturates_all_channels_is_said() {
+    let bench = with_spectrometer("[0.0002, 0.002, 0.02]");
+    let mut options = spectral(9);
+    options.spectrometer.counts_per_s_per_w = 1e14;
+    let list = tasks(&bench, &Kinematics::new(&bench), &directions(&[40.0])[..6]);
+    let mut told = Told::default();
+    go_on(&bench, &options, &list, &[], &mut told).unwrap();
+    let first = &told.events[0];
+    assert!(first.contains("26 of 26 channels") && first.contains(OVER), "{first}");
+    let kinematics = Kinematics::new(&bench);
+    let (missing, unreachable) = (&list.missing, &list.unreachable);
+    let error = reduce(&told.lines, &bench, &kinematics, &list.tasks, missing, unreachable);
+    assert!(matches!(error.unwrap_err(), GoniometerError::BeamOver));
 }
 
 /// Truth: the set of tasks. A run that is broken off after any line and gone on with has each measurement once and values of the same closed form.

@@ -1,7 +1,7 @@
 //! The run itself: what is put into the beam, where the axes go, what the meter says there.
 
 use super::bench::{AXES, Bench};
-use super::channels::Reads;
+use super::channels::{Band, Reads};
 use super::files::{Folder, FolderReadError};
 use super::line::{Line, seen_each};
 use super::pose::Angles;
@@ -318,6 +318,22 @@ fn brightest_counts(per_s: &[f64], integration_s: f64) -> f64 {
     integration_s * per_s.iter().copied().filter(|v| v.is_finite()).fold(f64::NAN, f64::max)
 }
 
+/// What is said of channels that are over range in the beam: they will have no values, and now that can still be changed.
+fn over_in_beam(place: &str, bands: &[Band], over: &[bool]) -> Option<String> {
+    const NAMED: usize = 4;
+    let all: Vec<String> =
+        bands.iter().zip(over).filter(|(_, is)| **is).map(|(b, _)| b.nm.to_string()).collect();
+    let more = if all.len() > NAMED { ", …" } else { "" };
+    (!all.is_empty()).then(|| {
+        format!(
+            "{place}: {} of {} channels are over the detector's range in the beam ({}{more} nm) and will have no values: take a shorter integration, or put a filter into the beam and name it in [beam] filter_transmission",
+            all.len(),
+            bands.len(),
+            all[..all.len().min(NAMED)].join(", ")
+        )
+    })
+}
+
 struct Run<'a, 'b> {
     rig: &'a mut Devices<'b>,
     bench: &'a Bench,
@@ -516,8 +532,15 @@ impl Run<'_, '_> {
         let clock = reader.clock.clone();
         let (record, zero_s, stages) = (&mut *self.record, self.zero_s, self.at);
         let mut brightest = f64::NAN;
+        let mut over = vec![false; self.bench.bands.len()];
         let mut keep = |channels: Vec<f64>, state: State, integration_s: f64| {
+            if state == State::Again {
+                over.fill(false);
+            }
             if state.is_reading() {
+                for (over, value) in over.iter_mut().zip(&channels) {
+                    *over |= value.is_infinite();
+                }
                 brightest = brightest_counts(&channels, integration_s);
             }
             let time_s = clock.clock.now().as_secs_f64() - zero_s;
@@ -540,6 +563,9 @@ impl Run<'_, '_> {
         let mut events = Vec::new();
         let place = format!("at {part} {number}");
         let taken = reader.take(&place, fixed.ok_or(self.integration), &mut keep, &mut events);
+        if task.part == Part::Beam && taken.is_ok() {
+            events.extend(over_in_beam(&place, &self.bench.bands, &over));
+        }
         for text in events {
             self.record.event(&text)?;
         }
@@ -569,6 +595,7 @@ impl Run<'_, '_> {
         for text in folder.placed().map_err(failed)? {
             self.record.event(&text)?;
         }
+        let mut over = vec![false; self.bench.bands.len()];
         for reading in 0..=plan.readings {
             let at_end = reading == plan.readings;
             let (mut channels, mut noise) = Line::blank(self.bench.bands.len(), true);
@@ -579,6 +606,9 @@ impl Run<'_, '_> {
                 let found = folder.next(clock, cancel, &mut say).map_err(failed)?;
                 let text = format!("{place}: took {}", found.file.name);
                 self.record.event(&text)?;
+                for (over, value) in over.iter_mut().zip(&found.values) {
+                    *over |= value.is_infinite();
+                }
                 let is_over = found.values.iter().all(|value| value.is_infinite());
                 state = if is_over { State::Over } else { State::Read };
                 (channels, noise, file) = (found.values, found.noise, Some(found.file));
@@ -600,6 +630,11 @@ impl Run<'_, '_> {
             self.record.line(&line)?;
             // A file is taken when its line is safe.
             self.record.sync()?;
+        }
+        if task.part == Part::Beam
+            && let Some(text) = over_in_beam(&format!("at {place}"), &self.bench.bands, &over)
+        {
+            self.record.event(&text)?;
         }
         Ok(())
     }
