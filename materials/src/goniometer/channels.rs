@@ -95,7 +95,7 @@ pub struct SpectrometerPlan {
     pub saturation_counts: Option<Positive>,
     /// Wait after a move, s.
     pub settle_s: NonNegative,
-    /// How long a spectrum may take beyond its integration, s.
+    /// How long a spectrum may take beyond its integration and the one that is thrown away before it, s.
     pub timeout_s: Positive,
 }
 

@@ -285,6 +285,7 @@ fn all(
         settling: Settling::of_run(seen_each(before), settle_s, same_light),
         done: done_each,
         integration: 0,
+        integration_s: longest_s(bench),
         dark_counts: dark_counts(before, bench),
     };
     tell_wait(&run.settling, settle_s, |text| run.record.event(text))?;
@@ -318,6 +319,12 @@ fn brightest_counts(per_s: &[f64], integration_s: f64) -> f64 {
     integration_s * per_s.iter().copied().filter(|v| v.is_finite()).fold(f64::NAN, f64::max)
 }
 
+/// A spectrometer's longest integration, s: what it may still be at work with when a run begins.
+fn longest_s(bench: &Bench) -> f64 {
+    let Reads::Spectrometer(plan) = &bench.reads else { return 0.0 };
+    plan.integrations_s().into_iter().fold(0.0, f64::max)
+}
+
 /// What is said of channels that are over range in the beam: they will have no values, and now that can still be changed.
 fn over_in_beam(place: &str, bands: &[Band], over: &[bool]) -> Option<String> {
     const NAMED: usize = 4;
@@ -346,6 +353,8 @@ struct Run<'a, 'b> {
     done: HashSet<(Part, u32, u64)>,
     /// The integration of the place before, by its place among all.
     integration: usize,
+    /// The integration of the last spectrum, s.
+    integration_s: f64,
     /// Counts of the brightest channel in the dark, by integration.
     dark_counts: Vec<f64>,
 }
@@ -527,6 +536,7 @@ impl Run<'_, '_> {
             readings: self.bench.scan.readings,
             interval_s: self.bench.scan.interval_s.get(),
             dark_counts: &self.dark_counts,
+            before_s: self.integration_s,
         };
         let fixed = (task.part == Part::Dark).then(|| (number % darks(self.bench)) as usize);
         let clock = reader.clock.clone();
@@ -563,6 +573,7 @@ impl Run<'_, '_> {
         let mut events = Vec::new();
         let place = format!("at {part} {number}");
         let taken = reader.take(&place, fixed.ok_or(self.integration), &mut keep, &mut events);
+        self.integration_s = reader.before_s;
         if task.part == Part::Beam && taken.is_ok() {
             events.extend(over_in_beam(&place, &self.bench.bands, &over));
         }

@@ -90,6 +90,8 @@ pub struct SpectrumReader<'a> {
     pub interval_s: f64,
     /// Counts of the brightest channel in the dark at each integration, which do not all grow with time; not a number where they are not known.
     pub dark_counts: &'a [f64],
+    /// Integration of the spectrum before, s: the spectrometer may still be at work with it.
+    pub before_s: f64,
 }
 
 /// Pixels of a channel, as places among all.
@@ -262,8 +264,16 @@ impl SpectrumReader<'_> {
         events: &mut Vec<String>,
     ) -> Result<Binned, SpectrumError> {
         for attempt in 1.. {
-            let deadline = self.within(integration_s + self.plan.timeout_s.get());
-            let failed = match self.device.expose(integration_s, &deadline) {
+            // A spectrometer that runs by itself ends the exposure that it is at, throws one away and takes the next.
+            let away_s = 2.0 * integration_s.max(self.before_s);
+            let deadline = self.within(away_s + integration_s + self.plan.timeout_s.get());
+            let answer = self.device.expose(integration_s, &deadline);
+            // One that failed may have come before the exposure's end.
+            self.before_s = match answer {
+                Ok(_) => integration_s,
+                Err(_) => integration_s.max(self.before_s),
+            };
+            let failed = match answer {
                 Ok(spectrum) => match self.binned(&spectrum) {
                     Ok(binned) => return Ok(binned),
                     Err(error) => error,
