@@ -2,6 +2,7 @@
 
 use super::channels::{Band, FilesPlan, is_of};
 use super::line::{Line, Taken};
+use super::spectra::is_within;
 use crate::ingest::spectra::{Labelled, read_labelled};
 use crate::log::RecordError;
 use std::collections::{BTreeMap, HashMap};
@@ -340,6 +341,14 @@ impl Folder {
                 return Err(format!(
                     "{} of its values lie in the channel at {} nm, {} nm wide, 2 or more are needed: it has {}",
                     inside.len(),
+                    band.nm,
+                    band.width_nm,
+                    grid.text()
+                ));
+            }
+            if !is_within(&spectrum.nm, band) {
+                return Err(format!(
+                    "the channel at {} nm, {} nm wide, goes beyond the ends of its spectrum: it has {}",
                     band.nm,
                     band.width_nm,
                     grid.text()

@@ -44,6 +44,20 @@ pub enum SpectrumError {
         /// Mean distance of pixels, nm.
         step_nm: f64,
     },
+    /// A channel that goes beyond the spectrum.
+    #[error(
+        "the channel at {nm} nm, {width_nm} nm wide, goes beyond the spectrometer's pixels, which lie from {from_nm:.2} to {to_nm:.2} nm; correct channels_nm or bands of [spectrometer]"
+    )]
+    Beyond {
+        /// Middle of the channel, nm.
+        nm: f64,
+        /// Width, nm.
+        width_nm: f64,
+        /// First pixel, nm.
+        from_nm: f64,
+        /// Last pixel, nm.
+        to_nm: f64,
+    },
     /// An integration that the spectrometer does not take.
     #[error(
         "integration_s of [spectrometer] has {asked_s} s, and the spectrometer takes {least_s} to {most_s} s{}",
@@ -101,6 +115,16 @@ fn pixels(wavelength_nm: &[f64], band: &Band) -> std::ops::Range<usize> {
     first..wavelength_nm.partition_point(|nm| *nm < to).max(first)
 }
 
+/// Whether a channel lies within values at `wavelength_nm`, rising, each of which stands for half a step to both sides.
+pub(super) fn is_within(wavelength_nm: &[f64], band: &Band) -> bool {
+    let [first, second, ..] = *wavelength_nm else { return false };
+    let [.., before, last] = *wavelength_nm else { return false };
+    // A little more than half, for numbers that are rounded.
+    let half = 0.5 + 1e-6;
+    let Interval { low, high } = band.ends_nm();
+    low >= first - half * (second - first) && high <= last + half * (last - before)
+}
+
 /// Looks whether a spectrometer has all channels and takes all integrations of a plan.
 ///
 /// # Errors
@@ -119,6 +143,11 @@ pub fn check(
             let step_nm = (to_nm - from_nm) / (nm.len().saturating_sub(1)).max(1) as f64;
             let Band { nm, width_nm } = *band;
             return Err(SpectrumError::NoPixel { nm, width_nm, from_nm, to_nm, step_nm });
+        }
+        if !is_within(nm, band) {
+            let (from_nm, to_nm) = (nm[0], nm[nm.len() - 1]);
+            let Band { nm, width_nm } = *band;
+            return Err(SpectrumError::Beyond { nm, width_nm, from_nm, to_nm });
         }
     }
     if let Some(range) = device.integration_s() {
