@@ -75,7 +75,7 @@ pub enum SpectrumError {
     },
     /// The converter's end is not known.
     #[error(
-        "the spectrometer does not tell where its converter ends, so that nobody sees which integration is too long: name it as saturation_counts in [spectrometer], or one integration_s"
+        "the spectrometer does not tell where its converter ends, so that nobody sees which integration is too long: name it as saturation_counts in [spectrometer]"
     )]
     NoEnd,
     /// Readings that cannot be kept.
@@ -171,8 +171,8 @@ struct Binned {
     per_s: Vec<f64>,
     /// The largest value in all channels, counts.
     most: f64,
-    /// The converter's end, counts; none where it is not known.
-    end: Option<f64>,
+    /// The converter's end, counts.
+    end: f64,
 }
 
 impl SpectrumReader<'_> {
@@ -244,7 +244,7 @@ impl SpectrumReader<'_> {
         let (mut now, mut most) = (first, all.len() - 1);
         loop {
             let seen = self.spectrum(place, all[now], events)?;
-            let end = seen.end.ok_or(SpectrumError::NoEnd)?;
+            let end = seen.end;
             if seen.most >= end {
                 if now == 0 {
                     return Ok(0);
@@ -305,6 +305,8 @@ impl SpectrumReader<'_> {
             let failed = match answer {
                 Ok(spectrum) => match self.binned(&spectrum) {
                     Ok(binned) => return Ok(binned),
+                    // Another spectrum does not tell it either.
+                    Err(SpectrumError::NoEnd) => return Err(SpectrumError::NoEnd),
                     Err(error) => error,
                 },
                 Err(DeviceError::Cancelled { .. }) => return Err(SpectrumError::Stopped),
@@ -327,13 +329,14 @@ impl SpectrumReader<'_> {
             return Err(SpectrumError::Short { found, expected });
         }
         let named = self.plan.saturation_counts.map(|counts| counts.get());
-        let end = named.or(spectrum.saturation_counts);
+        // The first dark says so, before anything else is read.
+        let end = named.or(spectrum.saturation_counts).ok_or(SpectrumError::NoEnd)?;
         let mut most = f64::NEG_INFINITY;
         let one = |band: &Band| {
             let values = &spectrum.counts[pixels(nm, band)];
             let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             most = most.max(largest);
-            if end.is_some_and(|end| largest >= end) {
+            if largest >= end {
                 return f64::INFINITY;
             }
             let mean = values.iter().sum::<f64>() / values.len() as f64;
