@@ -710,6 +710,34 @@ fn wrong_detectors_are_refused_with_line_and_key() {
             true,
             ["files", "writes no files"],
         ),
+        (
+            "[spectrometer]\nbands = { from_nm = 500, to_nm = 555, step_nm = 10 }\n",
+            true,
+            ["spectrometer.bands", "a whole number of steps"],
+        ),
+        (
+            "[spectrometer]\nbands = { from_nm = 1, to_nm = 101, step_nm = 10 }\n",
+            true,
+            ["bench.toml:3: spectrometer.bands", "above 0 nm"],
+        ),
+        (
+            "[spectrometer]\nchannels_nm = [[500, 10]]\nsettle_s = 1e20\n",
+            true,
+            ["spectrometer.settle_s", "at most 1000000 s"],
+        ),
+        ("[meter]\ntimeout_s = 1e20\n", true, ["meter.timeout_s", "at most 1000000 s"]),
+        ("[beam]\nfilter_transmission = 0\n", true, ["beam.filter_transmission", "above 0"]),
+        (
+            "[beam]\nfilter_transmissions = [0.1, 0]\n[monochromator]\nwavelengths_nm = [500, 550]\n",
+            true,
+            ["beam.filter_transmissions", "above 0"],
+        ),
+        (
+            "[beam]\nfilter_transmission = 0.1\nfilter_transmissions = [0.1, 0.1]\n[monochromator]\nwavelengths_nm = [500, 550]\n",
+            true,
+            ["beam.filter_transmissions", "not both"],
+        ),
+        ("[sample]\nindex = [1000, 0]\n", true, ["sample.index", "0.01 to 100"]),
     ] {
         let said = refused(text, is_virtual);
         assert!(parts.iter().all(|part| said.contains(part)), "{text}: {said}");
