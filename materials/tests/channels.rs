@@ -19,7 +19,7 @@ use sunglint_materials::goniometer::folder;
 use sunglint_materials::goniometer::line::{BENCH, Begun, FILES, Line, Log, PLAN};
 use sunglint_materials::goniometer::measure::{Detector, Devices, RunError, done_of, measure_with};
 use sunglint_materials::goniometer::pose::Kinematics;
-use sunglint_materials::goniometer::reduce::{Reduced, reduce};
+use sunglint_materials::goniometer::reduce::{GoniometerError, Reduced, reduce};
 use sunglint_materials::goniometer::tasks::{Part, Tasks, tasks};
 use sunglint_materials::log::{InMemory, Record, RecordError};
 use sunglint_materials::plan::Planned;
@@ -113,6 +113,9 @@ fn go_on(
     measure_with(&mut devices, bench, &list.tasks, before, 0.0, record)
 }
 
+/// What a run says of channels that saturate in the beam.
+const OVER: &str = "over the detector's range in the beam";
+
 fn reduced(bench: &Bench, list: &Tasks, lines: &[Line]) -> Reduced {
     let kinematics = Kinematics::new(bench);
     reduce(lines, bench, &kinematics, &list.tasks, &list.missing, &list.unreachable).unwrap()
@@ -122,8 +125,11 @@ fn whole(bench: &Bench, options: &Options, planned: &[Planned]) -> (Vec<Line>, T
     let list = tasks(bench, &Kinematics::new(bench), planned);
     let mut told = Told::default();
     go_on(bench, options, &list, &[], &mut told).unwrap();
-    assert!(told.events.is_empty(), "{:?}", told.events);
+    // Where the beam saturates, the run says so, and nothing else.
+    assert!(told.events.iter().all(|text| text.contains(OVER)), "{:?}", told.events);
     let found = reduced(bench, &list, &told.lines);
+    let over = found.warnings.iter().any(|text| text.contains("the beam is over its"));
+    assert_eq!(!told.events.is_empty(), over, "{:?}", told.events);
     (told.lines, list, found)
 }
 
@@ -224,6 +230,23 @@ fn channels_that_saturate_are_left_out_alone() {
     assert!(within >= 0.9 && worst < 0.02, "{within} {worst}");
 }
 
+/// A beam that saturates all channels. Truth: it has readings, all over range; to go on with the run would not help. The run says it at the beam, and the values' error is that of the beam.
+#[test]
+fn a_beam_that_saturates_all_channels_is_said() {
+    let bench = with_spectrometer("[0.0002, 0.002, 0.02]");
+    let mut options = spectral(9);
+    options.spectrometer.counts_per_s_per_w = 1e14;
+    let list = tasks(&bench, &Kinematics::new(&bench), &directions(&[40.0])[..6]);
+    let mut told = Told::default();
+    go_on(&bench, &options, &list, &[], &mut told).unwrap();
+    let first = &told.events[0];
+    assert!(first.contains("26 of 26 channels") && first.contains(OVER), "{first}");
+    let kinematics = Kinematics::new(&bench);
+    let (missing, unreachable) = (&list.missing, &list.unreachable);
+    let error = reduce(&told.lines, &bench, &kinematics, &list.tasks, missing, unreachable);
+    assert!(matches!(error.unwrap_err(), GoniometerError::BeamOver));
+}
+
 /// Truth: the set of tasks. A run that is broken off after any line and gone on with has each measurement once and values of the same closed form.
 #[test]
 fn a_spectrometers_run_goes_on_after_any_line() {
@@ -252,15 +275,40 @@ fn a_spectrometers_run_goes_on_after_any_line() {
             let found = done_of(&again.0, &bench);
             let extra = found.difference(&all).filter(|(part, _)| *part == Part::Reference).count();
             assert_eq!(found.len(), all.len() + extra, "{cut}");
-            let kept = again.0.iter().filter(|l| l.state == State::Kept).count();
+            // Only a look at the reference that was cut between two wavelengths is read twice.
+            let mut kept = HashSet::new();
+            for line in again.0.iter().filter(|l| l.state == State::Kept) {
+                let key = (line.part, line.number, line.wavelength_nm.map(f64::to_bits));
+                assert!(kept.insert(key) || line.part == Part::Reference, "{cut}: {key:?}");
+            }
             let each = if text.starts_with("[mono") { 3 } else { 1 };
-            assert_eq!(kept, each * found.len(), "{cut}");
+            assert_eq!(kept.len(), each * found.len(), "{cut}");
             if k % 6 == 0 {
                 let found = reduced(&bench, &list, &again.0);
                 let (within, worst, _) = against(&found, &light, 8e-3);
                 assert!(within >= 0.9 && worst < 0.02, "{cut}: {within} {worst}");
             }
         }
+    }
+}
+
+/// Truth: a look tells the lamp at one time. One that is broken off between two wavelengths is read anew at all of them; a direction only at those that are left.
+#[test]
+fn a_look_that_is_cut_between_two_wavelengths_is_read_anew() {
+    let bench = bench(&format!(
+        "virtual = \"goniometer.toml\"\n[axis.azimuth]\n[monochromator]\nwavelengths_nm = [500, 550, 650]\n{FEW}"
+    ));
+    let options = spectral(5);
+    let (lines, list, _) = whole(&bench, &options, &directions(&[30.0])[..24]);
+    for (part, anew) in [(Part::Reference, 3), (Part::Direction, 2)] {
+        let is_first = |line: &Line| line.part == part && line.state == State::Kept;
+        // The last place of the part, after its first wavelength.
+        let number = lines.iter().rfind(|line| is_first(line)).unwrap().number;
+        let is_of = |line: &Line| is_first(line) && line.number == number;
+        let cut = lines.iter().position(is_of).unwrap() + 1;
+        let mut again = InMemory(lines[..cut].to_vec());
+        go_on(&bench, &options, &list, &lines[..cut], &mut again).unwrap();
+        assert_eq!(again.0[cut..].iter().filter(|line| is_of(line)).count(), anew, "{part:?}");
     }
 }
 
@@ -662,6 +710,34 @@ fn wrong_detectors_are_refused_with_line_and_key() {
             true,
             ["files", "writes no files"],
         ),
+        (
+            "[spectrometer]\nbands = { from_nm = 500, to_nm = 555, step_nm = 10 }\n",
+            true,
+            ["spectrometer.bands", "a whole number of steps"],
+        ),
+        (
+            "[spectrometer]\nbands = { from_nm = 1, to_nm = 101, step_nm = 10 }\n",
+            true,
+            ["bench.toml:3: spectrometer.bands", "above 0 nm"],
+        ),
+        (
+            "[spectrometer]\nchannels_nm = [[500, 10]]\nsettle_s = 1e20\n",
+            true,
+            ["spectrometer.settle_s", "at most 1000000 s"],
+        ),
+        ("[meter]\ntimeout_s = 1e20\n", true, ["meter.timeout_s", "at most 1000000 s"]),
+        ("[beam]\nfilter_transmission = 0\n", true, ["beam.filter_transmission", "above 0"]),
+        (
+            "[beam]\nfilter_transmissions = [0.1, 0]\n[monochromator]\nwavelengths_nm = [500, 550]\n",
+            true,
+            ["beam.filter_transmissions", "above 0"],
+        ),
+        (
+            "[beam]\nfilter_transmission = 0.1\nfilter_transmissions = [0.1, 0.1]\n[monochromator]\nwavelengths_nm = [500, 550]\n",
+            true,
+            ["beam.filter_transmissions", "not both"],
+        ),
+        ("[sample]\nindex = [1000, 0]\n", true, ["sample.index", "0.01 to 100"]),
     ] {
         let said = refused(text, is_virtual);
         assert!(parts.iter().all(|part| said.contains(part)), "{text}: {said}");

@@ -609,11 +609,70 @@ fn check_detectors(document: &Document, written: &Written) -> Result<(), BenchEr
     Ok(())
 }
 
+/// Longest time in a file, s.
+const LONGEST_S: f64 = 1e6;
+
+/// Looks that no time is longer than clocks can wait.
+fn check_times(document: &Document, written: &Written) -> Result<(), BenchError> {
+    let axes = &written.axis;
+    let mut times = vec![
+        ("axis.sample.timeout_s", axes.sample.timeout_s.get()),
+        ("axis.detector.timeout_s", axes.detector.timeout_s.get()),
+        ("scan.interval_s", written.scan.interval_s.get()),
+    ];
+    times.extend(axes.azimuth.iter().map(|axis| ("axis.azimuth.timeout_s", axis.timeout_s.get())));
+    times.extend(axes.turn.iter().map(|axis| ("axis.turn.timeout_s", axis.timeout_s.get())));
+    if let Some(plan) = &written.meter {
+        times.push(("meter.settle_s", plan.settle_s.get()));
+        times.push(("meter.timeout_s", plan.timeout_s.get()));
+    }
+    if let Some(plan) = &written.spectrometer {
+        times.push(("spectrometer.settle_s", plan.settle_s.get()));
+        times.push(("spectrometer.timeout_s", plan.timeout_s.get()));
+    }
+    if let Some(plan) = &written.monochromator {
+        times.push(("monochromator.timeout_s", plan.timeout_s.get()));
+        times.push(("monochromator.move_s", plan.move_s.get()));
+    }
+    if let Some(plan) = &written.files {
+        times.push(("files.complete_s", plan.complete_s.get()));
+        times.push(("files.each_s", plan.each_s.get()));
+    }
+    match times.into_iter().find(|(_, s)| *s > LONGEST_S) {
+        Some((key, _)) => Err(document.error_at(key, "at most 1000000 s").into()),
+        None => Ok(()),
+    }
+}
+
+/// Looks at the filter in the beam, by whose transmission the beam is divided.
+fn check_filter(document: &Document, beam: &Beam) -> Result<(), BenchError> {
+    let expected = "above 0, at most 1: a filter that lets nothing through leaves no beam";
+    if beam.filter_transmission.get() <= 0.0 {
+        return Err(document.error_at("beam.filter_transmission", expected).into());
+    }
+    let Some(each) = &beam.filter_transmissions else { return Ok(()) };
+    if each.iter().any(|one| one.get() <= 0.0) {
+        return Err(document.error_at("beam.filter_transmissions", expected).into());
+    }
+    if beam.filter_transmission.get() < 1.0 {
+        let expected = "filter_transmission or filter_transmissions, not both";
+        return Err(document.error_at("beam.filter_transmissions", expected).into());
+    }
+    Ok(())
+}
+
 fn check(document: &Document, written: &Written) -> Result<(), BenchError> {
     let wrong = |key: &str, expected: &str| -> Result<(), BenchError> {
         Err(document.error_at(key, expected).into())
     };
     check_detectors(document, written)?;
+    check_times(document, written)?;
+    check_filter(document, &written.beam)?;
+    if let Some((n, k)) = written.sample.index
+        && (!(0.01..=100.0).contains(&n.get()) || k.get() > 100.0)
+    {
+        return wrong("sample.index", "n of 0.01 to 100 and k of 0 to 100");
+    }
     let axes = &written.axis;
     let usual = MeterPlan::default();
     let has_meter = written.spectrometer.is_none() && written.files.is_none();

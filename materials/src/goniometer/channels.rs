@@ -54,8 +54,10 @@ pub struct Even {
 impl Even {
     fn bands(&self) -> Option<Vec<Band>> {
         let (from, to, step) = (self.from_nm.get(), self.to_nm.get(), self.step_nm.get());
-        let steps = (to - from) / step + 1e-6;
-        if !(0.0..MOST as f64).contains(&steps) {
+        let steps = ((to - from) / step).round();
+        // A last band elsewhere than at to_nm is none that was asked for.
+        let is_whole = (from + step * steps - to).abs() <= 1e-3 * step;
+        if !(0.0..MOST as f64).contains(&steps) || !is_whole {
             return None;
         }
         let band = |k: usize| Band { nm: from + step * k as f64, width_nm: step };
@@ -95,7 +97,7 @@ pub struct SpectrometerPlan {
     pub saturation_counts: Option<Positive>,
     /// Wait after a move, s.
     pub settle_s: NonNegative,
-    /// How long a spectrum may take beyond its integration, s.
+    /// How long a spectrum may take beyond its integration and the one that is thrown away before it, s.
     pub timeout_s: Positive,
 }
 
@@ -253,7 +255,7 @@ pub(super) fn bands(
             return Err(document.error_at(&list, expected));
         }
         ([], Some(even)) => even.bands().ok_or_else(|| {
-            let expected = "from_nm up to to_nm, at most 2000 steps of step_nm";
+            let expected = "from_nm up to to_nm, a whole number of steps of step_nm, at most 2000";
             document.error_at(&format!("{table}.bands"), expected)
         })?,
         (listed, None) => listed.to_vec(),
@@ -273,7 +275,8 @@ pub(super) fn bands(
     if found.len() > MOST || !found.iter().all(good) || !is_rising {
         let expected =
             "at most 2000 channels with rising middles, each wider than 0 and above 0 nm";
-        return Err(document.error_at(&list, expected));
+        let key = if channels_nm.is_empty() { format!("{table}.bands") } else { list };
+        return Err(document.error_at(&key, expected));
     }
     Ok(found)
 }

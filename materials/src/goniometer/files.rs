@@ -2,9 +2,10 @@
 
 use super::channels::{Band, FilesPlan, is_of};
 use super::line::{Line, Taken};
+use super::spectra::is_within;
 use crate::ingest::spectra::{Labelled, read_labelled};
 use crate::log::RecordError;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -80,6 +81,14 @@ pub struct Found {
     pub noise: Vec<f64>,
     /// The file.
     pub file: Taken,
+}
+
+/// Why a file is not taken.
+enum Refusal {
+    /// The file does not fit, whenever it is read.
+    Unfit(String),
+    /// It cannot be read now.
+    Unread(String),
 }
 
 /// The folder into which the files come.
@@ -214,6 +223,7 @@ impl Folder {
         let mut coming: BTreeMap<String, (Stamp, Duration)> = BTreeMap::new();
         let mut reminded = now();
         let mut overwritten: HashMap<String, Stamp> = HashMap::new();
+        let mut unread: HashSet<String> = HashSet::new();
         loop {
             let there = self.look()?;
             coming.retain(|name, _| there.contains_key(name));
@@ -250,7 +260,16 @@ impl Folder {
                         self.known.insert(name, stamp);
                         return Ok(found);
                     }
-                    Err(why) => {
+                    // Whoever writes it may still hold it: it is looked at again.
+                    Err(Refusal::Unread(why)) => {
+                        coming.insert(name.clone(), (stamp, now()));
+                        if unread.insert(name.clone()) {
+                            say(&format!(
+                                "{name} cannot be read: {why}; it is tried again, and any other file is waited for"
+                            ))?;
+                        }
+                    }
+                    Err(Refusal::Unfit(why)) => {
                         self.refused.insert(name.clone(), stamp);
                         say(&format!("{name} is not taken: {why}; still waiting for a file"))?;
                     }
@@ -270,24 +289,26 @@ impl Folder {
     }
 
     /// Takes a file, or says why not.
-    fn take(&mut self, name: &str, stamp: Stamp) -> Result<Result<Found, String>, FileError> {
+    fn take(&mut self, name: &str, stamp: Stamp) -> Result<Result<Found, Refusal>, FileError> {
         if let (Some(written), Some(youngest)) = (stamp.written, self.youngest)
             && written < youngest
         {
-            return Ok(Err(
+            return Ok(Err(Refusal::Unfit(
                 "it was written before files that were there already, so it is not of this measurement"
                     .to_owned(),
-            ));
+            )));
         }
         let path = self.folder.join(name);
         // A file that cannot be read yet is as one that is not whole.
         let bytes = match sunglint_formats::read::bytes(&path) {
             Ok(bytes) => bytes,
-            Err(error) => return Ok(Err(told(&error))),
+            Err(error) => return Ok(Err(Refusal::Unread(told(&error)))),
         };
         let sha256 = sunglint_formats::sha256(&bytes);
         if let Some(before) = self.taken.get(&sha256) {
-            return Ok(Err(format!("it has the same content as {before}, which was taken before")));
+            return Ok(Err(Refusal::Unfit(format!(
+                "it has the same content as {before}, which was taken before"
+            ))));
         }
         let copy = self.copy_of(name, &sha256);
         write(&self.copies, &copy, &bytes)?;
@@ -297,7 +318,7 @@ impl Folder {
             Err(why) => {
                 // What was not taken leaves no copy; one that stays does no harm.
                 let _ = std::fs::remove_file(&copy);
-                return Ok(Err(why));
+                return Ok(Err(Refusal::Unfit(why)));
             }
         };
         self.grid.get_or_insert(grid);
@@ -340,6 +361,14 @@ impl Folder {
                 return Err(format!(
                     "{} of its values lie in the channel at {} nm, {} nm wide, 2 or more are needed: it has {}",
                     inside.len(),
+                    band.nm,
+                    band.width_nm,
+                    grid.text()
+                ));
+            }
+            if !is_within(&spectrum.nm, band) {
+                return Err(format!(
+                    "the channel at {} nm, {} nm wide, goes beyond the ends of its spectrum: it has {}",
                     band.nm,
                     band.width_nm,
                     grid.text()

@@ -1,7 +1,7 @@
 //! The run itself: what is put into the beam, where the axes go, what the meter says there.
 
 use super::bench::{AXES, Bench};
-use super::channels::Reads;
+use super::channels::{Band, Reads};
 use super::files::{Folder, FolderReadError};
 use super::line::{Line, seen_each};
 use super::pose::Angles;
@@ -266,6 +266,10 @@ fn all(
     let begun = done.iter().any(|(part, _)| *part == Part::Direction);
     let goes_on = left.first().is_some_and(|task| task.part == Part::Direction);
     let settle_s = bench.meter.settle_s.get();
+    // A look at the reference that was broken off between two wavelengths is read anew as a whole: its wavelengths tell the lamp at one time.
+    let mut done_each = done_each(before);
+    done_each
+        .retain(|(part, number, _)| *part != Part::Reference || done.contains(&(*part, *number)));
     // A run that goes on looks at the reference first, long after the place before.
     let same_light = |a: &(Part, u32, u64), b: &(Part, u32, u64)| {
         a.0.place() == b.0.place() && !(b.0 == Part::Reference && b.1 >= RESUMED)
@@ -279,8 +283,9 @@ fn all(
         at: [None; 4],
         place: None,
         settling: Settling::of_run(seen_each(before), settle_s, same_light),
-        done: done_each(before),
+        done: done_each,
         integration: 0,
+        integration_s: longest_s(bench),
         dark_counts: dark_counts(before, bench),
     };
     tell_wait(&run.settling, settle_s, |text| run.record.event(text))?;
@@ -314,6 +319,28 @@ fn brightest_counts(per_s: &[f64], integration_s: f64) -> f64 {
     integration_s * per_s.iter().copied().filter(|v| v.is_finite()).fold(f64::NAN, f64::max)
 }
 
+/// A spectrometer's longest integration, s: what it may still be at work with when a run begins.
+fn longest_s(bench: &Bench) -> f64 {
+    let Reads::Spectrometer(plan) = &bench.reads else { return 0.0 };
+    plan.integrations_s().into_iter().fold(0.0, f64::max)
+}
+
+/// What is said of channels that are over range in the beam: they will have no values, and now that can still be changed.
+fn over_in_beam(place: &str, bands: &[Band], over: &[bool]) -> Option<String> {
+    const NAMED: usize = 4;
+    let all: Vec<String> =
+        bands.iter().zip(over).filter(|(_, is)| **is).map(|(b, _)| b.nm.to_string()).collect();
+    let more = if all.len() > NAMED { ", …" } else { "" };
+    (!all.is_empty()).then(|| {
+        format!(
+            "{place}: {} of {} channels are over the detector's range in the beam ({}{more} nm) and will have no values: take a shorter integration, or put a filter into the beam and name it in [beam] filter_transmission",
+            all.len(),
+            bands.len(),
+            all[..all.len().min(NAMED)].join(", ")
+        )
+    })
+}
+
 struct Run<'a, 'b> {
     rig: &'a mut Devices<'b>,
     bench: &'a Bench,
@@ -326,6 +353,8 @@ struct Run<'a, 'b> {
     done: HashSet<(Part, u32, u64)>,
     /// The integration of the place before, by its place among all.
     integration: usize,
+    /// The integration of the last spectrum, s.
+    integration_s: f64,
     /// Counts of the brightest channel in the dark, by integration.
     dark_counts: Vec<f64>,
 }
@@ -507,13 +536,21 @@ impl Run<'_, '_> {
             readings: self.bench.scan.readings,
             interval_s: self.bench.scan.interval_s.get(),
             dark_counts: &self.dark_counts,
+            before_s: self.integration_s,
         };
         let fixed = (task.part == Part::Dark).then(|| (number % darks(self.bench)) as usize);
         let clock = reader.clock.clone();
         let (record, zero_s, stages) = (&mut *self.record, self.zero_s, self.at);
         let mut brightest = f64::NAN;
+        let mut over = vec![false; self.bench.bands.len()];
         let mut keep = |channels: Vec<f64>, state: State, integration_s: f64| {
+            if state == State::Again {
+                over.fill(false);
+            }
             if state.is_reading() {
+                for (over, value) in over.iter_mut().zip(&channels) {
+                    *over |= value.is_infinite();
+                }
                 brightest = brightest_counts(&channels, integration_s);
             }
             let time_s = clock.clock.now().as_secs_f64() - zero_s;
@@ -536,6 +573,10 @@ impl Run<'_, '_> {
         let mut events = Vec::new();
         let place = format!("at {part} {number}");
         let taken = reader.take(&place, fixed.ok_or(self.integration), &mut keep, &mut events);
+        self.integration_s = reader.before_s;
+        if task.part == Part::Beam && taken.is_ok() {
+            events.extend(over_in_beam(&place, &self.bench.bands, &over));
+        }
         for text in events {
             self.record.event(&text)?;
         }
@@ -565,6 +606,7 @@ impl Run<'_, '_> {
         for text in folder.placed().map_err(failed)? {
             self.record.event(&text)?;
         }
+        let mut over = vec![false; self.bench.bands.len()];
         for reading in 0..=plan.readings {
             let at_end = reading == plan.readings;
             let (mut channels, mut noise) = Line::blank(self.bench.bands.len(), true);
@@ -575,6 +617,9 @@ impl Run<'_, '_> {
                 let found = folder.next(clock, cancel, &mut say).map_err(failed)?;
                 let text = format!("{place}: took {}", found.file.name);
                 self.record.event(&text)?;
+                for (over, value) in over.iter_mut().zip(&found.values) {
+                    *over |= value.is_infinite();
+                }
                 let is_over = found.values.iter().all(|value| value.is_infinite());
                 state = if is_over { State::Over } else { State::Read };
                 (channels, noise, file) = (found.values, found.noise, Some(found.file));
@@ -596,6 +641,11 @@ impl Run<'_, '_> {
             self.record.line(&line)?;
             // A file is taken when its line is safe.
             self.record.sync()?;
+        }
+        if task.part == Part::Beam
+            && let Some(text) = over_in_beam(&format!("at {place}"), &self.bench.bands, &over)
+        {
+            self.record.event(&text)?;
         }
         Ok(())
     }

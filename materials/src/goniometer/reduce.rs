@@ -67,9 +67,9 @@ pub enum GoniometerError {
         /// The part of the beam that it took in.
         captured: f64,
     },
-    /// The beam is more than the meter shows.
+    /// The beam is more than the detector shows.
     #[error(
-        "the meter is over its range in the beam: choose a higher range, or put a filter into the beam and name it in [beam] filter_transmission"
+        "the detector is over its range in the beam: choose a higher range or a shorter integration, or put a filter into the beam and name it in [beam] filter_transmission"
     )]
     BeamOver,
     /// No direction has a value.
@@ -449,7 +449,7 @@ pub fn reduce(
         return Ok(one(lines, &given(0, None))?.reduced);
     }
     let of_channel = |k: usize| Line::of_channel(lines, &bench.reads, k, bench.bands[k].nm);
-    let brightest = brightest(bench, &of_channel).ok_or(GoniometerError::Missing("the beam"))?;
+    let brightest = brightest(bench, &of_channel)?;
     let first = one(&of_channel(brightest), &given(brightest, None))?;
     let count = bench.bands.len();
     // As many comparisons as say whether the beam differs from channel to channel.
@@ -476,8 +476,30 @@ const SAME_CAPTURED: f64 = 2e-3;
 /// Channels that are named one by one in a warning.
 const NAMED: usize = 4;
 
-/// The channel with most light in the beam, of those that are least often over range in the scans that tell the geometry.
-fn brightest(bench: &Bench, of_channel: &(dyn Fn(usize) -> Vec<Line> + Sync)) -> Option<usize> {
+/// A channel whose beam has less than this part of the brightest one's light does not tell the geometry for all.
+const LEAST_OF_BRIGHTEST: f64 = 0.1;
+
+/// A channel's beam.
+struct OfBeam {
+    channel: usize,
+    /// Places of the scans that tell the geometry where it is over range.
+    over: usize,
+    /// The most light of its looks that are not over range; below all numbers where there is none.
+    net: f64,
+    /// Whether each of those stands out of the noise.
+    is_seen: bool,
+    /// Whether a look is over range.
+    is_over: bool,
+}
+
+/// The channel that tells the geometry for all: of those with much light in the beam, those that are least often over range in the scans, and of these the one with most light.
+///
+/// # Errors
+/// No channel with light in the beam, or all over range.
+fn brightest(
+    bench: &Bench,
+    of_channel: &(dyn Fn(usize) -> Vec<Line> + Sync),
+) -> Result<usize, GoniometerError> {
     let scans = [
         Part::Beam,
         Part::SignatureIn,
@@ -492,17 +514,31 @@ fn brightest(bench: &Bench, of_channel: &(dyn Fn(usize) -> Vec<Line> + Sync)) ->
         let dark = Dark::new(reads.get(&Part::Dark), matches!(bench.reads, Reads::Spectrometer(_)));
         let over = scans.iter().filter_map(|part| reads.get(part)).flatten();
         let over = over.filter(|read| read.mean.over > 0).count();
-        let beams = reads.get(&Part::Beam).into_iter().flatten();
-        let net = beams
-            .filter(|read| read.mean.over == 0)
-            .map(|read| read.mean.power_w - dark.at(read))
-            .fold(f64::NEG_INFINITY, f64::max);
-        (k, over, net)
+        let beams = reads.get(&Part::Beam).map_or(&[][..], Vec::as_slice);
+        let (mut net, mut is_seen) = (f64::NEG_INFINITY, true);
+        for read in beams.iter().filter(|read| read.mean.over == 0) {
+            let light = read.mean.power_w - dark.at(read);
+            net = net.max(light);
+            is_seen &= light > 5.0 * read.mean.sigma_w.hypot(dark.sigma_w(read));
+        }
+        let is_over = beams.iter().any(|read| read.mean.over > 0);
+        OfBeam { channel: k, over, net, is_seen: is_seen && net.is_finite(), is_over }
     };
-    let all: Vec<(usize, usize, f64)> = (0..bench.bands.len()).into_par_iter().map(of).collect();
-    let with_light = all.into_iter().filter(|(.., net)| net.is_finite());
-    let best = with_light.max_by(|a, b| b.1.cmp(&a.1).then(a.2.total_cmp(&b.2)));
-    best.map(|(k, ..)| k)
+    let all: Vec<OfBeam> = (0..bench.bands.len()).into_par_iter().map(of).collect();
+    let seen = || all.iter().filter(|one| one.is_seen);
+    let most = seen().map(|one| one.net).fold(0.0, f64::max);
+    let bright = seen().filter(|one| one.net >= LEAST_OF_BRIGHTEST * most);
+    let best = bright.max_by(|a, b| b.over.cmp(&a.over).then(a.net.total_cmp(&b.net)));
+    if let Some(best) = best {
+        return Ok(best.channel);
+    }
+    if all.iter().any(|one| one.is_over) {
+        return Err(GoniometerError::BeamOver);
+    }
+    // The one with most light, of which it is then said how little that is.
+    let read = all.iter().filter(|one| one.net.is_finite());
+    let best = read.max_by(|a, b| a.net.total_cmp(&b.net));
+    best.map(|one| one.channel).ok_or(GoniometerError::Missing("the beam"))
 }
 
 /// Channels as one table.

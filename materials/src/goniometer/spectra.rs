@@ -44,6 +44,20 @@ pub enum SpectrumError {
         /// Mean distance of pixels, nm.
         step_nm: f64,
     },
+    /// A channel that goes beyond the spectrum.
+    #[error(
+        "the channel at {nm} nm, {width_nm} nm wide, goes beyond the spectrometer's pixels, which lie from {from_nm:.2} to {to_nm:.2} nm; correct channels_nm or bands of [spectrometer]"
+    )]
+    Beyond {
+        /// Middle of the channel, nm.
+        nm: f64,
+        /// Width, nm.
+        width_nm: f64,
+        /// First pixel, nm.
+        from_nm: f64,
+        /// Last pixel, nm.
+        to_nm: f64,
+    },
     /// An integration that the spectrometer does not take.
     #[error(
         "integration_s of [spectrometer] has {asked_s} s, and the spectrometer takes {least_s} to {most_s} s{}",
@@ -61,7 +75,7 @@ pub enum SpectrumError {
     },
     /// The converter's end is not known.
     #[error(
-        "the spectrometer does not tell where its converter ends, so that nobody sees which integration is too long: name it as saturation_counts in [spectrometer], or one integration_s"
+        "the spectrometer does not tell where its converter ends, so that nobody sees which integration is too long: name it as saturation_counts in [spectrometer]"
     )]
     NoEnd,
     /// Readings that cannot be kept.
@@ -90,6 +104,8 @@ pub struct SpectrumReader<'a> {
     pub interval_s: f64,
     /// Counts of the brightest channel in the dark at each integration, which do not all grow with time; not a number where they are not known.
     pub dark_counts: &'a [f64],
+    /// Integration of the spectrum before, s: the spectrometer may still be at work with it.
+    pub before_s: f64,
 }
 
 /// Pixels of a channel, as places among all.
@@ -97,6 +113,16 @@ fn pixels(wavelength_nm: &[f64], band: &Band) -> std::ops::Range<usize> {
     let Interval { low: from, high: to } = band.ends_nm();
     let first = wavelength_nm.partition_point(|nm| *nm < from);
     first..wavelength_nm.partition_point(|nm| *nm < to).max(first)
+}
+
+/// Whether a channel lies within values at `wavelength_nm`, rising, each of which stands for half a step to both sides.
+pub(super) fn is_within(wavelength_nm: &[f64], band: &Band) -> bool {
+    let [first, second, ..] = *wavelength_nm else { return false };
+    let [.., before, last] = *wavelength_nm else { return false };
+    // A little more than half, for numbers that are rounded.
+    let half = 0.5 + 1e-6;
+    let Interval { low, high } = band.ends_nm();
+    low >= first - half * (second - first) && high <= last + half * (last - before)
 }
 
 /// Looks whether a spectrometer has all channels and takes all integrations of a plan.
@@ -117,6 +143,11 @@ pub fn check(
             let step_nm = (to_nm - from_nm) / (nm.len().saturating_sub(1)).max(1) as f64;
             let Band { nm, width_nm } = *band;
             return Err(SpectrumError::NoPixel { nm, width_nm, from_nm, to_nm, step_nm });
+        }
+        if !is_within(nm, band) {
+            let (from_nm, to_nm) = (nm[0], nm[nm.len() - 1]);
+            let Band { nm, width_nm } = *band;
+            return Err(SpectrumError::Beyond { nm, width_nm, from_nm, to_nm });
         }
     }
     if let Some(range) = device.integration_s() {
@@ -140,8 +171,8 @@ struct Binned {
     per_s: Vec<f64>,
     /// The largest value in all channels, counts.
     most: f64,
-    /// The converter's end, counts; none where it is not known.
-    end: Option<f64>,
+    /// The converter's end, counts.
+    end: f64,
 }
 
 impl SpectrumReader<'_> {
@@ -213,7 +244,7 @@ impl SpectrumReader<'_> {
         let (mut now, mut most) = (first, all.len() - 1);
         loop {
             let seen = self.spectrum(place, all[now], events)?;
-            let end = seen.end.ok_or(SpectrumError::NoEnd)?;
+            let end = seen.end;
             if seen.most >= end {
                 if now == 0 {
                     return Ok(0);
@@ -262,10 +293,20 @@ impl SpectrumReader<'_> {
         events: &mut Vec<String>,
     ) -> Result<Binned, SpectrumError> {
         for attempt in 1.. {
-            let deadline = self.within(integration_s + self.plan.timeout_s.get());
-            let failed = match self.device.expose(integration_s, &deadline) {
+            // A spectrometer that runs by itself ends the exposure that it is at, throws one away and takes the next.
+            let away_s = 2.0 * integration_s.max(self.before_s);
+            let deadline = self.within(away_s + integration_s + self.plan.timeout_s.get());
+            let answer = self.device.expose(integration_s, &deadline);
+            // One that failed may have come before the exposure's end.
+            self.before_s = match answer {
+                Ok(_) => integration_s,
+                Err(_) => integration_s.max(self.before_s),
+            };
+            let failed = match answer {
                 Ok(spectrum) => match self.binned(&spectrum) {
                     Ok(binned) => return Ok(binned),
+                    // Another spectrum does not tell it either.
+                    Err(SpectrumError::NoEnd) => return Err(SpectrumError::NoEnd),
                     Err(error) => error,
                 },
                 Err(DeviceError::Cancelled { .. }) => return Err(SpectrumError::Stopped),
@@ -288,13 +329,14 @@ impl SpectrumReader<'_> {
             return Err(SpectrumError::Short { found, expected });
         }
         let named = self.plan.saturation_counts.map(|counts| counts.get());
-        let end = named.or(spectrum.saturation_counts);
+        // The first dark says so, before anything else is read.
+        let end = named.or(spectrum.saturation_counts).ok_or(SpectrumError::NoEnd)?;
         let mut most = f64::NEG_INFINITY;
         let one = |band: &Band| {
             let values = &spectrum.counts[pixels(nm, band)];
             let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             most = most.max(largest);
-            if end.is_some_and(|end| largest >= end) {
+            if largest >= end {
                 return f64::INFINITY;
             }
             let mean = values.iter().sum::<f64>() / values.len() as f64;

@@ -296,10 +296,10 @@ pub(super) fn reading_s(bench: &Bench) -> f64 {
         Reads::Meter => by_meter,
         Reads::Monochromator(plan) => bench.bands.len() as f64 * (plan.move_s.get() + by_meter),
         Reads::Spectrometer(plan) => {
-            // One that chooses takes the middle one of its integrations.
+            // One that chooses takes the middle one of its integrations. Before each spectrum the spectrometer throws one away.
             let all = plan.integrations_s();
-            let integration_s = all[all.len() / 2] * f64::from(plan.average);
-            plan.settle_s.get() + readings * (integration_s + interval_s)
+            let spectra_s = 2.0 * all[all.len() / 2] * f64::from(plan.average);
+            plan.settle_s.get() + readings * (spectra_s + interval_s)
         }
         Reads::Files(plan) => readings * (plan.each_s.get() + interval_s),
     }
