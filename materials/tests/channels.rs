@@ -113,7 +113,7 @@ fn go_on(
     measure_with(&mut devices, bench, &list.tasks, before, 0.0, record)
 }
 
-/// What a run says of channels that saturate in the beam.
+/// Words of a run about channels that saturate in the beam.
 const OVER: &str = "over the detector's range in the beam";
 
 fn reduced(bench: &Bench, list: &Tasks, lines: &[Line]) -> Reduced {

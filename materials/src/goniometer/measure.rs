@@ -325,7 +325,7 @@ fn longest_s(bench: &Bench) -> f64 {
     plan.integrations_s().into_iter().fold(0.0, f64::max)
 }
 
-/// What is said of channels that are over range in the beam: they will have no values, and now that can still be changed.
+/// Words about channels that are over range in the beam: they will have no values, and now that can still be changed.
 fn over_in_beam(place: &str, bands: &[Band], over: &[bool]) -> Option<String> {
     const NAMED: usize = 4;
     let all: Vec<String> =
