@@ -69,8 +69,9 @@ pub(super) fn intervals(
         // The upper tail of the resamples says how far below the truth may lie.
         (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
     };
-    let method =
-        if (0..channels).any(|i| measured(i) < FEWEST) { Method::Mixed } else { Method::Bootstrap };
+    // A channel that nobody measured has no interval.
+    let few = (0..channels).any(|i| (1..FEWEST).contains(&measured(i)));
+    let method = if few { Method::Mixed } else { Method::Bootstrap };
     (draws.iter_mut().enumerate().map(interval).collect(), method)
 }
 

@@ -72,7 +72,7 @@ fn counted(seed: u64, kind: &Kind) -> [f64; 4] {
     row
 }
 
-/// Truth: the κ that the virtual nights were made with (`sky`). docs/uncertainty.md has a line for each kind of night, by whole nights; here: of each kind 95 % intervals hold 92 % or more of the truths
+/// Truth: the κ that the virtual nights were made with (`sky`). docs/uncertainty.md has a line for each kind of night, by whole nights; here: of each kind 95 % intervals hold 92 % or more of the truths in the whole campaign
 /// (500 nights know 95 % to 1 %, more roughly where six channels of a night go together), and no more than a tenth of the nights is refused.
 #[test]
 fn campaign_few_stars() {
@@ -99,10 +99,14 @@ fn campaign_few_stars() {
         );
         (least, refused) = (least.min(held), refused.max(none));
     }
-    campaign.largest("least_missed_of_a_kind", 1.0 - least);
-    campaign.largest("refused_of_a_kind", refused);
-    if campaign.is_whole() {
-        assert!(least >= 0.92 && refused <= 0.1, "{least} {refused}");
+    let whole = campaign.is_asked_for();
+    if whole {
+        // Shares: those of a part may be larger than the whole's.
+        campaign.largest("most_missed_of_a_kind", 1.0 - least);
+        campaign.largest("refused_of_a_kind", refused);
     }
     campaign.finish();
+    // Ten nights of one interval each hold seven or more of 95 % but in one of a thousand; where six channels go together nights are as good as one.
+    let expected = if whole { [0.92, 0.1] } else { [0.65, 0.3] };
+    assert!(least >= expected[0] && refused <= expected[1], "{least} {refused}");
 }
