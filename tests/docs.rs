@@ -99,12 +99,36 @@ impl Rows {
     }
 
     /// Median of σ over the root of the mean square error of its channel.
-    fn channels_over_scatter(&self, kind: &str, channels: impl IntoIterator<Item = u8>) -> f64 {
+    fn channels_over_scatter(&self, channels: impl IntoIterator<Item = u8>) -> f64 {
         let mut all = Vec::new();
         for c in channels {
-            let errors = self.column(&format!("{kind}error_{c}"));
+            let errors = self.column(&format!("error_{c}"));
             let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
-            all.extend(self.column(&format!("{kind}sigma_{c}")).iter().map(|s| s / square.sqrt()));
+            all.extend(self.column(&format!("sigma_{c}")).iter().map(|s| s / square.sqrt()));
+        }
+        median(all)
+    }
+
+    /// The κ that all nights found over the one that they were made with, in the mean; 1 of a counter, which keeps no light from its aperture.
+    fn kappa_found(&self, c: u8) -> f64 {
+        if c > 3 {
+            return 1.0;
+        }
+        let [found, exact] = ["", "exact_"].map(|kind| self.column(&format!("{kind}error_{c}")));
+        let ratios = found.iter().zip(&exact).map(|(a, b)| (100.0 + a) / (100.0 + b));
+        ratios.sum::<f64>() / found.len() as f64
+    }
+
+    /// Median of σ over the root of the mean square error, with the κ of [`Rows::kappa_found`].
+    fn exact_over_scatter(&self, channels: &[u8]) -> f64 {
+        let mut all = Vec::new();
+        for c in channels {
+            let kappa = self.kappa_found(*c);
+            let errors = self.column(&format!("exact_error_{c}"));
+            let errors = errors.iter().map(|e| (100.0 + e) * kappa - 100.0);
+            let square = errors.map(|e| e * e).sum::<f64>() / self.rows.len() as f64;
+            let sigmas = self.column(&format!("exact_sigma_{c}"));
+            all.extend(sigmas.iter().map(|s| s * kappa / square.sqrt()));
         }
         median(all)
     }
@@ -191,9 +215,14 @@ fn counted_by_nights() -> Vec<String> {
     }
     let of_stars = several("below", "above", "pull");
     // One channel's intervals are 1.96 σ to both sides.
+    let kappa: [f64; 6] = [1, 2, 3, 4, 5, 6].map(|c| faint.kappa_found(c));
     let exact = |channels: &'static [u8]| {
         move |row: Row| {
-            let off = |c: &u8| row(&format!("exact_error_{c}")) / row(&format!("exact_sigma_{c}"));
+            let off = |c: &u8| {
+                let kappa = kappa[usize::from(*c) - 1];
+                let number = |of: &str| row(&format!("exact_{of}_{c}"));
+                ((100.0 + number("error")) * kappa - 100.0) / (number("sigma") * kappa)
+            };
             let off: Vec<f64> = channels.iter().map(off).collect();
             Night {
                 below: off.iter().filter(|off| **off > 1.96).count() as f64,
@@ -215,17 +244,20 @@ fn counted_by_nights() -> Vec<String> {
             "six albedos of a sphere, whole nights from photons and pixels",
             "faint_pass",
             faint.nights(&all, &of_stars),
-            Some(faint.channels_over_scatter("", 1..=6)),
+            Some(faint.channels_over_scatter(1..=6)),
         ),
     ]);
     let with_exact: [(&str, &'static [u8]); 4] = [
-        ("the same with the κ that the night was made with: the camera's three", &[1, 2, 3]),
-        ("… `id400`", &[4]),
+        (
+            "the same without the doubt of κ: the camera's three, with the κ that all nights found",
+            &[1, 2, 3],
+        ),
+        ("… `id400`, with the κ that the nights were made with", &[4]),
         ("… `spcm`", &[5]),
         ("… `mppc`", &[6]),
     ];
     for (what, channels) in with_exact {
-        let width = faint.channels_over_scatter("exact_", channels.iter().copied());
+        let width = faint.exact_over_scatter(channels);
         rows.push((what, "faint_pass", faint.nights(&all, &exact(channels)), Some(width)));
     }
     // Columns of one quantity: intervals with the truth below and above, the mean pull, how many; a night without any does not count.
@@ -248,6 +280,7 @@ fn counted_by_nights() -> Vec<String> {
         "κ of a channel in which three of fourteen stars were measured",
         "… four",
         "… six",
+        "κ of six channels by twenty-five stars of which five are dimmed",
     ];
     for (k, what) in (1..).zip(kinds) {
         let key = |end: &str| format!("{end}_{k}");
@@ -259,6 +292,52 @@ fn counted_by_nights() -> Vec<String> {
         let is_there = |row: Row| row(&key("of")) > 0.0;
         rows.push((what, "few_stars", few.nights(&is_there, &night), None));
     }
+    let fits = Rows::new("box_wing_fits");
+    let names = [
+        "roughness of a spinning box-wing's cells, fitted with all that follows",
+        "… right ascension of its axis",
+        "… declination",
+        "… period",
+        "… phase",
+    ];
+    for (k, what) in (1..).zip(names) {
+        let pass = |row: Row| {
+            let [below, above, pull] = ["below", "above", "pull"].map(|n| row(&format!("{n}_{k}")));
+            Night { below, above, of: 1.0, pull }
+        };
+        let square = |row: Row| row(&format!("error_{k}")).powi(2);
+        let width = fits.over_scatter(&all, &format!("half_{k}"), &square);
+        rows.push((what, "box_wing_fits", fits.nights(&all, &pass), Some(width)));
+    }
+    let albedos = fits.nights(&all, &of("albedo_".to_owned()));
+    rows.push(("… twenty-four albedos", "box_wing_fits", albedos, None));
+    let tables = Rows::new("made_up_surfaces");
+    let table = |row: Row| Night {
+        below: row("numbers") - row("inside") - row("nan"),
+        above: 0.0,
+        of: row("numbers"),
+        pull: f64::NAN,
+    };
+    let has_numbers = |row: Row| row("numbers") > 0.0;
+    rows.push((
+        "numbers of laws fitted to a goniometer's tables",
+        "made_up_surfaces",
+        tables.nights(&has_numbers, &table),
+        None,
+    ));
+    let frames = Rows::new("star_frames");
+    let frame = |row: Row| Night {
+        below: row("beyond_two_sigmas"),
+        above: 0.0,
+        of: row("frames") - row("without"),
+        pull: f64::NAN,
+    };
+    rows.push((
+        "magnitudes from frames of others, 2 σ",
+        "star_frames",
+        frames.nights(&all, &frame),
+        None,
+    ));
     let fibres = Rows::new("fibres");
     for (what, name) in [
         ("middles of three fibres' fields, whole nights from photons and pixels", "middle_"),

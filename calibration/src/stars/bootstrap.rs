@@ -24,22 +24,26 @@ pub enum Method {
     Mixed,
 }
 
-/// Intervals of the first parameters of a fit, those of ln κ, as offsets below and above each.
+/// Intervals of the first parameters of a fit, those of ln κ, as offsets below and above each. `by_choice` is the covariance by which stars agree,
+/// beside that of those that do.
 pub(super) fn intervals(
     stars: &[Normal],
     solution: &Solution,
+    by_choice: &DMatrix<f64>,
     channels: usize,
     options: &Options,
 ) -> (Vec<(f64, f64)>, Method) {
     let confidence = options.confidence;
+    let normal = normal_quantile(0.5 + 0.5 * confidence);
+    let with_choice = |i: usize, half: f64| half.hypot(normal * by_choice[(i, i)].sqrt());
     let measured = |i: usize| stars.iter().filter(|star| star.a[(i, i)] > 0.0).count();
     let student = |i: usize| {
         let own = measured(i);
         // What a channel shares with the others more stars tell; what is its own takes one degree of them.
         let freedom = own.saturating_sub(usize::from(own == stars.len())).clamp(1, T_975.len());
         // Of another confidence the 95 % value scaled as the normal distribution's.
-        let t = T_975[freedom - 1] * normal_quantile(0.5 + 0.5 * confidence) / 1.959_964;
-        let half = t * solution.covariance[(i, i)].sqrt();
+        let t = T_975[freedom - 1] * normal / 1.959_964;
+        let half = with_choice(i, t * solution.covariance[(i, i)].sqrt());
         (half, half)
     };
     if stars.len() < FEWEST {
@@ -67,7 +71,8 @@ pub(super) fn intervals(
         }
         draws.sort_by(f64::total_cmp);
         // The upper tail of the resamples says how far below the truth may lie.
-        (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
+        let (below, above) = (quantile(draws, 1.0 - tail), -quantile(draws, tail));
+        (with_choice(i, below * spread[i]), with_choice(i, above * spread[i]))
     };
     // A channel that nobody measured has no interval.
     let few = (0..channels).any(|i| (1..FEWEST).contains(&measured(i)));

@@ -16,6 +16,14 @@ const SLOPES: [f64; 5] = [0.0, 0.1, 0.2, 0.35, 0.55];
 const DEPTHS: [f64; 5] = [0.0, 0.06, 0.15, 0.3, 0.5];
 /// Deviation of a normal distribution that one in ten thousand exceeds; for the χ² of what channels do not have in common.
 const ONE_IN_TEN_THOUSAND: f64 = 3.7190;
+/// Visits by which a group is made larger, and smaller, to see whether another choice is as likely.
+const RUNGS: usize = 16;
+/// Rounds in which the scatter of a given group settles.
+const SETTLING: usize = 3;
+/// −2 ln L beyond the best of a choice that is not looked at: one in 500 million.
+const HOPELESS: f64 = 40.0;
+/// Least probability of a choice that is kept.
+const LEAST_PROBABILITY: f64 = 1e-4;
 
 /// A group of visits that agree.
 #[derive(Debug, Clone)]
@@ -39,20 +47,51 @@ impl Group {
         stars(self.members(samples))
     }
 
-    /// −2 ln L, by which groups about different models are compared: a scatter that has grown until it took in the dimmed stars has its price. A visit that
-    /// does not agree is one whose offset may be anything within a factor e or so.
+    /// −2 ln L, by which choices of visits are compared, and models: a scatter that has grown until it took in the dimmed stars has its price.
+    ///
+    /// A visit that does not agree is one whose offset may be anything within a factor e or so. Every share of such visits is as likely beforehand
+    /// (beta-binomial). The common offset is integrated over (restricted likelihood). Visits of one star err together, and count as one.
     pub fn deviance(&self, samples: &[Sample]) -> f64 {
-        let terms = samples.iter().zip(&self.splits).zip(&self.agrees);
-        let term = |((sample, split), agrees): ((&Sample, &Split), &bool)| {
-            let common = if *agrees { self.scatter.common + sample.scintillation } else { 1.0 };
+        let visits = |star: usize| samples.iter().filter(|s| s.star == star).count();
+        let (mut sum, mut weight, mut good, mut bad) = (0.0, 0.0, 0.0, 0.0);
+        for ((sample, split), agrees) in samples.iter().zip(&self.splits).zip(&self.agrees) {
+            if split.channels == 0 {
+                continue;
+            }
+            let share = 1.0 / visits(sample.star) as f64;
+            let limit = chi2_limit(split.channels.saturating_sub(1));
+            let (common, chi2) = if *agrees {
+                (self.scatter.common + sample.scintillation, split.chi2)
+            } else {
+                (1.0, split.chi2.min(limit))
+            };
             let variance = common + split.own_variance;
-            let chi2 = split.chi2.min(chi2_limit(split.channels.saturating_sub(1)));
             let own = sample.points.iter().zip(&self.scatter.own);
             let ln_own: f64 = own.filter_map(|(p, own)| Some(((*p)?.counts + own).ln())).sum();
-            split.offset.powi(2) / variance + chi2 + ln_own + (variance / split.own_variance).ln()
-        };
-        terms.filter(|((_, split), _)| split.channels > 0).map(term).sum()
+            let ln_variance = ln_own + (variance / split.own_variance).ln();
+            sum += share * (split.offset.powi(2) / variance + chi2 + ln_variance);
+            if *agrees {
+                good += share;
+                weight += share / variance;
+            } else {
+                bad += share;
+            }
+        }
+        let ln_prior =
+            libm::lgamma(good + 1.0) + libm::lgamma(bad + 1.0) - libm::lgamma(good + bad + 2.0);
+        sum + weight.ln() - 2.0 * ln_prior
     }
+}
+
+/// The visits that agree, and other choices of them that are not much less likely.
+#[derive(Debug, Clone)]
+pub(super) struct Choice {
+    /// The likeliest.
+    pub group: Group,
+    /// Its probability among the choices that were looked at.
+    pub probability: f64,
+    /// The others, each with its own.
+    pub rivals: Vec<(Group, f64)>,
 }
 
 /// The χ² that one in ten thousand exceeds (Wilson and Hilferty 1931: within 1 % from one degree of freedom on).
@@ -128,12 +167,7 @@ fn polish(
         let expected = |s: &Sample, c: usize| model.value(&parameters, s, c);
         let mut next = judge_all(samples, &group.scatter, options.clip_sigma, expected);
         if adapt {
-            // The scatter of those that agreed, about what they agreed on.
-            let of = |i: &usize| group.agrees[*i];
-            let members: Vec<usize> = (0..samples.len()).filter(of).collect();
-            let picked: Vec<&Sample> = members.iter().map(|i| &samples[*i]).collect();
-            let residuals: Vec<_> = members.iter().map(|i| next.residuals[*i].clone()).collect();
-            let scatter = scatter::estimate(&picked, &residuals, least, model.per_channel());
+            let scatter = scatter_of(&group.agrees, &next.residuals, samples, model, least);
             next = judge_all(samples, &scatter, options.clip_sigma, expected);
         }
         let settled = next.agrees == group.agrees && close(&next.scatter, &group.scatter);
@@ -146,17 +180,32 @@ fn polish(
     found.filter(|(group, _)| group.stars(samples) >= options.fewest_stars)
 }
 
+/// The scatter of those that agreed, about what they agreed on.
+fn scatter_of(
+    agrees: &[bool],
+    residuals: &[Vec<Option<f64>>],
+    samples: &[Sample],
+    model: &Model,
+    least: &Scatter,
+) -> Scatter {
+    let of = |i: &usize| agrees[*i];
+    let members: Vec<usize> = (0..samples.len()).filter(of).collect();
+    let picked: Vec<&Sample> = members.iter().map(|i| &samples[*i]).collect();
+    let residuals: Vec<_> = members.iter().map(|i| residuals[*i].clone()).collect();
+    scatter::estimate(&picked, &residuals, least, model.per_channel())
+}
+
 fn close(a: &Scatter, b: &Scatter) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * a.max(b);
     near(a.common, b.common) && a.own.iter().zip(&b.own).all(|(a, b)| near(*a, *b))
 }
 
-/// The largest group that agrees, where there is one and only one; `model` says what about.
+/// The group that agrees, where there is one and only one; `model` says what about.
 pub(super) fn consensus(
     samples: &[Sample],
     model: &Model,
     options: &Options,
-) -> Result<Group, StarsError> {
+) -> Result<Choice, StarsError> {
     let all = stars(samples);
     let least = scatter::floor(options.floor, model.channels);
     let groups = candidates(samples, model, &least, options);
@@ -175,8 +224,90 @@ pub(super) fn consensus(
         let most_percent = 100.0 * options.most_scatter;
         return Err(StarsError::TooMuchScatter { percent: 100.0 * scatter, most_percent });
     }
-    unique(&group, samples, &least, options)?;
-    Ok(group)
+    let choice = choose(group, needed, samples, model, &least, options);
+    unique(&choice.group, samples, &least, options)?;
+    Ok(choice)
+}
+
+/// The likeliest of the groups that a given one becomes when it takes in the visits next to it, or loses those that are farthest.
+///
+/// A few stars that lie close together by chance make the scatter small, and all others seem too far. Where the scatter is that of more stars, none is.
+fn choose(
+    group: Group,
+    needed: usize,
+    samples: &[Sample],
+    model: &Model,
+    least: &Scatter,
+    options: &Options,
+) -> Choice {
+    let far = |group: &Group, i: usize| {
+        let (split, sample) = (&group.splits[i], &samples[i]);
+        let variance = group.scatter.common + sample.scintillation + split.own_variance;
+        split.offset.powi(2) / variance + split.chi2
+    };
+    let mut choices = vec![(group.deviance(samples), group)];
+    let mut best = choices[0].0;
+    for larger in [true, false] {
+        for _ in 0..RUNGS {
+            let Some((_, from)) = (if larger { choices.last() } else { choices.first() }) else {
+                break;
+            };
+            // One whose channels do not go together, even with twice their scatter, stays out: a fibre that missed its star makes no channel a noisy one.
+            let fits =
+                |split: &Split| split.chi2 <= 4.0 * chi2_limit(split.channels.saturating_sub(1));
+            let open = (0..samples.len()).filter(|i| {
+                let split = &from.splits[*i];
+                from.agrees[*i] != larger && split.channels > 0 && (!larger || fits(split))
+            });
+            let order = |a: &usize, b: &usize| far(from, *a).total_cmp(&far(from, *b));
+            let Some(next) = (if larger { open.min_by(order) } else { open.max_by(order) }) else {
+                break;
+            };
+            let mut agrees = from.agrees.clone();
+            agrees[next] = larger;
+            let Some(group) = about(agrees, from, samples, model, least, options) else { break };
+            if group.stars(samples) < needed || group.scatter.common.sqrt() > options.most_scatter {
+                break;
+            }
+            let deviance = group.deviance(samples);
+            best = best.min(deviance);
+            let place = if larger { choices.len() } else { 0 };
+            choices.insert(place, (deviance, group));
+            if deviance > best + HOPELESS {
+                break;
+            }
+        }
+    }
+    let likelihood = |deviance: f64| (0.5 * (best - deviance)).exp();
+    let sum: f64 = choices.iter().map(|(d, _)| likelihood(*d)).sum();
+    choices.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut choices: Vec<(Group, f64)> =
+        choices.into_iter().map(|(d, group)| (group, likelihood(d) / sum)).collect();
+    // The group that was given is among them, at least.
+    let (group, probability) = choices.remove(0);
+    choices.retain(|(_, probability)| *probability > LEAST_PROBABILITY);
+    Choice { group, probability, rivals: choices }
+}
+
+/// The group of given visits, with the scatter that they have about what they agree on.
+fn about(
+    agrees: Vec<bool>,
+    from: &Group,
+    samples: &[Sample],
+    model: &Model,
+    least: &Scatter,
+    options: &Options,
+) -> Option<Group> {
+    let mut group = Group { agrees: agrees.clone(), ..from.clone() };
+    for _ in 0..SETTLING {
+        let parameters = refit(&group, samples, model)?.parameters;
+        let expected = |s: &Sample, c: usize| model.value(&parameters, s, c);
+        let residuals = judge_all(samples, &group.scatter, options.clip_sigma, expected).residuals;
+        let scatter = scatter_of(&agrees, &residuals, samples, model, least);
+        group = judge_all(samples, &scatter, options.clip_sigma, expected);
+        group.agrees.clone_from(&agrees);
+    }
+    Some(group)
 }
 
 /// Groups about each visit's own offsets, polished, best first.

@@ -53,6 +53,8 @@ pub struct Facts {
     pub stars: usize,
     /// Those that agree.
     pub agreeing_stars: usize,
+    /// Probability of this choice of those that agree; the others are in the intervals.
+    pub agreement_probability: Option<f64>,
     /// Lowest, mean, highest airmass of those.
     pub airmass: Option<[f64; 3]>,
     /// Lowest, mean, highest B−V of those, mag.
@@ -128,6 +130,7 @@ impl NightFile {
             facts: Facts {
                 stars: found.stars,
                 agreeing_stars: found.agreeing,
+                agreement_probability: Some(found.agreement_probability),
                 airmass: Some(found.airmass),
                 b_minus_v_mag: found.b_minus_v_mag,
                 common_scatter: Some(found.common_scatter),

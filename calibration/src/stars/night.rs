@@ -2,10 +2,11 @@
 
 use super::bootstrap::{Method, intervals};
 use super::checks::{AIRMASS_RANGE, Slopes, coverage, ratios, slopes};
-use super::consensus::{Group, consensus};
+use super::consensus::{Choice, Group, consensus};
 use super::gls::{Model, Normal, Scatter, Solution, fit};
 use super::sample::{Sample, check, samples, stars};
 use super::{Options, RatioCheck, Slope, StarsError, Visit, scatter};
+use nalgebra::DMatrix;
 
 /// A night's coefficients.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,8 @@ pub struct Night {
     pub stars: usize,
     /// Those that agree.
     pub agreeing: usize,
+    /// Probability of this choice of visits that agree, among those next to it. The others are in σ, covariance and intervals.
+    pub agreement_probability: f64,
     /// Relative scatter of stars common to all channels (magnitudes, thin cloud), the floor at least.
     pub common_scatter: f64,
     /// Lowest, mean and highest airmass of those that agree. κ is that of the mean.
@@ -123,6 +126,9 @@ struct Fitted {
     normals: Vec<Normal>,
     slopes: Slopes,
     sloped: bool,
+    probability: f64,
+    /// Covariance of the parameters by which visits agree: other choices beside this one.
+    by_choice: DMatrix<f64>,
 }
 
 impl Fitted {
@@ -136,7 +142,7 @@ impl Fitted {
         if found < options.fewest_stars {
             return Err(too_few(found, visits - samples.len(), options));
         }
-        let (group, sloped) = group(&samples, channels, options)?;
+        let (Choice { group, probability, rivals }, sloped) = group(&samples, channels, options)?;
         let found = slopes(&members(&samples, &group), &group.scatter);
         let agreeing = members(&samples, &group);
         let model = Model { aerosol: options.fit_aerosol, ..Model::plain(channels) };
@@ -149,11 +155,29 @@ impl Fitted {
             settle(&agreeing, &model, &group, options).ok_or_else(unsolvable)?;
         let (normals, solution) =
             fit(agreeing.iter().copied(), &scatter, &model).unwrap_or((Vec::new(), solution));
-        Ok(Self { model, scatter, solution, normals, slopes: found, sloped, group, samples })
+        let by_choice = by_choice(&rivals, &samples, &solution, &model, options);
+        let slopes = found;
+        Ok(Self {
+            model,
+            scatter,
+            solution,
+            normals,
+            slopes,
+            sloped,
+            group,
+            samples,
+            probability,
+            by_choice,
+        })
     }
 
     fn ln_kappa(&self) -> Vec<f64> {
         self.solution.parameters.iter().take(self.model.channels).copied().collect()
+    }
+
+    /// Covariance of two parameters: by the visits that agree, and by which do.
+    fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.solution.covariance[(i, j)] + self.by_choice[(i, j)]
     }
 
     fn night(self, visits: &[Visit], options: &Options) -> Result<Night, StarsError> {
@@ -161,19 +185,19 @@ impl Fitted {
         let aerosol = self.aerosol()?;
         let ln_kappa = self.ln_kappa();
         let (intervals, method) =
-            intervals(&self.normals, &self.solution, self.model.channels, options);
+            intervals(&self.normals, &self.solution, &self.by_choice, self.model.channels, options);
         let channels: Vec<_> = intervals
             .iter()
             .enumerate()
             .map(|(c, interval)| self.channel(c, *interval, &agreeing, options))
             .collect();
         let covariance = (0..self.model.channels)
-            .map(|i| (0..self.model.channels).map(|j| self.solution.covariance[(i, j)]).collect())
+            .map(|i| (0..self.model.channels).map(|j| self.covariance(i, j)).collect())
             .collect();
         let best = (0..self.model.channels)
             .filter(|c| channels[*c].is_ok())
             .min_by(|a, b| {
-                let sigma = |c: usize| self.solution.covariance[(c, c)];
+                let sigma = |c: usize| self.covariance(c, c);
                 sigma(*a).total_cmp(&sigma(*b))
             })
             .unwrap_or(0);
@@ -187,6 +211,7 @@ impl Fitted {
             visits: self.judge(visits, &ln_kappa),
             stars: stars(&self.samples),
             agreeing: stars(agreeing.iter().copied()),
+            agreement_probability: self.probability,
             common_scatter: self.group.scatter.common.sqrt(),
             airmass: coverage(agreeing.iter().map(|s| s.airmass)).unwrap_or([f64::NAN; 3]),
             b_minus_v_mag: coverage(agreeing.iter().filter_map(|s| s.colour)),
@@ -203,7 +228,7 @@ impl Fitted {
             return Ok(None);
         }
         let i = self.model.parameters() - 1;
-        let (depth, sigma) = (self.solution.parameters[i], self.solution.covariance[(i, i)].sqrt());
+        let (depth, sigma) = (self.solution.parameters[i], self.covariance(i, i).sqrt());
         if sigma.is_nan() || sigma > AEROSOL_WORST_SIGMA {
             let why = format!(
                 "it would be {depth:.2} ± {sigma:.2}, and must be known to {AEROSOL_WORST_SIGMA}: more stars, or a wider range of airmass"
@@ -240,7 +265,7 @@ impl Fitted {
         };
         Ok(ChannelKappa {
             kappa: ln_kappa.exp(),
-            relative_sigma: self.solution.covariance[(c, c)].sqrt(),
+            relative_sigma: self.covariance(c, c).sqrt(),
             interval: ((ln_kappa - below).exp(), (ln_kappa + above).exp()),
             visits: used.len(),
             stars: count,
@@ -287,7 +312,7 @@ fn group(
     samples: &[Sample],
     channels: usize,
     options: &Options,
-) -> Result<(Group, bool), StarsError> {
+) -> Result<(Choice, bool), StarsError> {
     if options.fit_aerosol {
         // Haze parts high stars from low ones: who asks for its depth wants them judged with it.
         can_fit_aerosol(&samples.iter().collect::<Vec<_>>())?;
@@ -305,10 +330,10 @@ fn group(
     let model = Model { airmass: Some(mean), ..Model::plain(channels) };
     let Ok(other) = consensus(samples, &model, options) else { return Ok((plain?, false)) };
     let limit = SLOPE_CHI2[channels.clamp(1, SLOPE_CHI2.len()) - 1];
-    let about = slopes(&members(samples, &other), &other.scatter);
+    let about = slopes(&members(samples, &other.group), &other.group.scatter);
     let price = channels as f64 * (samples.len() as f64).ln();
     let better = match &plain {
-        Ok(plain) => other.deviance(samples) + price < plain.deviance(samples),
+        Ok(plain) => other.group.deviance(samples) + price < plain.group.deviance(samples),
         // Two groups are not made one by a slope: clouds come and go with the airmass too.
         Err(error) => !matches!(error, StarsError::Ambiguous { .. }),
     };
@@ -317,6 +342,28 @@ fn group(
 
 fn members<'a>(samples: &'a [Sample], group: &Group) -> Vec<&'a Sample> {
     samples.iter().zip(&group.agrees).filter(|(_, good)| **good).map(|(s, _)| s).collect()
+}
+
+/// How far the parameters of other choices of visits lie from these, squared, by their probabilities.
+fn by_choice(
+    rivals: &[(Group, f64)],
+    samples: &[Sample],
+    solution: &Solution,
+    model: &Model,
+    options: &Options,
+) -> DMatrix<f64> {
+    let n = model.parameters();
+    let mut covariance = DMatrix::zeros(n, n);
+    for (group, probability) in rivals {
+        let Some((other, _)) = settle(&members(samples, group), model, group, options) else {
+            continue;
+        };
+        // A channel that only one of both has tells nothing of their difference.
+        let away =
+            (other.parameters - &solution.parameters).map(|d| if d.is_finite() { d } else { 0.0 });
+        covariance.ger(*probability, &away, &away, 1.0);
+    }
+    covariance
 }
 
 /// Fits, with the scatter that is left about the fit.

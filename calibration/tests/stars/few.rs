@@ -25,7 +25,7 @@ const fn few(few: usize) -> Kind {
 }
 
 /// A column of each stands in a row of the record, four times; docs/uncertainty.md has a line for each.
-const KINDS: [Kind; 10] = [
+const KINDS: [Kind; 11] = [
     whole(3, 0),
     whole(4, 0),
     whole(5, 0),
@@ -36,6 +36,7 @@ const KINDS: [Kind; 10] = [
     few(3),
     few(4),
     few(6),
+    whole(25, 5),
 ];
 
 const COLUMNS: &[&str] = &[
@@ -43,7 +44,7 @@ const COLUMNS: &[&str] = &[
     "above_3", "pull_3", "of_3", "below_4", "above_4", "pull_4", "of_4", "below_5", "above_5",
     "pull_5", "of_5", "below_6", "above_6", "pull_6", "of_6", "below_7", "above_7", "pull_7",
     "of_7", "below_8", "above_8", "pull_8", "of_8", "below_9", "above_9", "pull_9", "of_9",
-    "below_10", "above_10", "pull_10", "of_10",
+    "below_10", "above_10", "pull_10", "of_10", "below_11", "above_11", "pull_11", "of_11",
 ];
 
 /// Intervals of a night with the truth below and above them, the mean of (found − truth)/σ, and how many there are: none where the night is refused.

@@ -90,11 +90,15 @@ struct VisitJson<'a> {
     offset_sigma: f64,
 }
 
+/// Probability of a choice of stars below which it is said.
+const SURE: f64 = 0.9;
+
 #[derive(Serialize)]
 struct NightJson<'a> {
     night: &'a str,
     stars: usize,
     agreeing_stars: usize,
+    agreement_probability: f64,
     airmass_range: [f64; 3],
     b_minus_v_range_mag: Option<[f64; 3]>,
     common_scatter: f64,
@@ -217,6 +221,14 @@ impl CalibrationReport<'_> {
                 .map_or(String::new(), |[a, _, b]| format!(", B-V {a:.2} to {b:.2}")),
             100.0 * night.found.common_scatter
         );
+        let probability = night.found.agreement_probability;
+        if probability < SURE {
+            let _ = writeln!(
+                text,
+                "  which stars agree is not sure: this choice has {:.0} % of the probability, and the intervals hold the others",
+                100.0 * probability
+            );
+        }
         let _ = writeln!(
             text,
             "  {:<10} {:>10} {:>7} {:>22} {:>6} {:>6}  {:<16} {:<16}",
@@ -364,6 +376,7 @@ impl CalibrationReport<'_> {
             night: &night.file.night,
             stars: facts.stars,
             agreeing_stars: facts.agreeing_stars,
+            agreement_probability: rounded(night.found.agreement_probability),
             airmass_range: night.found.airmass.map(rounded),
             b_minus_v_range_mag: night.found.b_minus_v_mag.map(|r| r.map(rounded)),
             common_scatter: rounded(night.found.common_scatter),
