@@ -144,6 +144,9 @@ const WIDE: f64 = 1.96;
 const START: f64 = 0.02;
 /// An interval that goes on to so many times the width has no end.
 const WIDEST: f64 = 20.0;
+/// Gain of the last step of a descent, as a part of the cost, which is about the number of points: of the fit, and of the ends of intervals.
+const GAIN: f64 = 1e-12;
+const ROUGH: f64 = 1e-7;
 /// Rounds of noise and fit, at most.
 const ROUNDS: usize = 50;
 /// Square of the standard deviations by which a round moves the fit when it is the last.
@@ -204,7 +207,7 @@ pub fn fit_field(points: &[FieldPoint], options: &FitOptions) -> Result<FieldFit
     problem.factors = problem.factors(&points.iter().map(light).collect::<Vec<_>>())?;
     let mut best: Option<(f64, DVector<f64>)> = None;
     for scale in [1.0, 0.5, 2.0] {
-        let (cost, at) = problem.descend(problem.start(scale)?);
+        let (cost, at) = problem.descend(problem.start(scale)?, GAIN);
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, at));
         }
@@ -220,7 +223,7 @@ pub fn fit_field(points: &[FieldPoint], options: &FitOptions) -> Result<FieldFit
             problem.weights = problem.alone(&at, &light, freedom).map(biweight).collect();
         }
         problem.factors = problem.factors(&light)?;
-        let (_, next) = problem.descend(at.clone());
+        let (_, next) = problem.descend(at.clone(), GAIN);
         let (matrix, _) = problem.normal(&next);
         let step = &next - &at;
         at = next;
@@ -572,9 +575,9 @@ impl Problem<'_> {
         At { numbers, cost: if cost.is_nan() { f64::INFINITY } else { cost } }
     }
 
-    /// Down to a minimum.
-    fn descend(&self, start: DVector<f64>) -> (f64, DVector<f64>) {
-        let limits = Limits { steps: 200, gain: 1e-13, step: 0.0 };
+    /// Down to a minimum: until a step gains less than this part of the cost.
+    fn descend(&self, start: DVector<f64>, gain: f64) -> (f64, DVector<f64>) {
+        let limits = Limits { steps: 200, gain, step: 0.0 };
         let Ok(found) = minimise(&mut Descending(self), self.at(start), &limits);
         (found.place.cost, found.place.numbers)
     }
@@ -594,7 +597,7 @@ impl Problem<'_> {
         let mut rise = |problem: &Self, off: f64| {
             let mut start = from.clone();
             start[number] = at[number] + side * off;
-            let (cost, found) = problem.descend(start);
+            let (cost, found) = problem.descend(start, ROUGH);
             from = found;
             (cost - least).max(0.0).sqrt()
         };
