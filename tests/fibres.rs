@@ -79,13 +79,19 @@ fn campaign_fibres() {
         println!("{seed}: {row:.2?}");
         campaign.keep(seed, &row);
     }
+    let asked = campaign.is_asked_for();
     let mut missed = Vec::new();
     for (what, figure) in [("middle", "middles_missed"), ("width", "widths_missed")] {
+        // A night's six intervals share its errors: one night alone is judged by how far it is off.
+        let pulls = campaign.column(&format!("{what}_pull"));
+        assert!(asked || pulls.iter().all(|pull| pull.abs() < 4.0), "{what}: {pulls:?}");
         let sum = |end: &str| campaign.column(&format!("{what}_{end}")).iter().sum::<f64>();
-        missed.push((figure, (sum("below") + sum("above")) / sum("of")));
-        campaign.largest(figure, missed[missed.len() - 1].1);
+        missed.push((sum("below") + sum("above")) / sum("of"));
+        if asked {
+            campaign.largest(figure, missed[missed.len() - 1]);
+        }
     }
     let whole = campaign.is_whole();
     campaign.finish();
-    assert!(!whole || missed.iter().all(|(_, share)| *share < 0.1), "{missed:?}");
+    assert!(!whole || missed.iter().all(|share| *share < 0.1), "{missed:?}");
 }
