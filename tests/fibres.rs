@@ -7,7 +7,7 @@ use sunglint_formats::session::Session;
 use sunglint_radiometry::station::{Detector, Station};
 use sunglint_testkit::Campaign;
 
-/// Intervals of the night with the truth below and above them, the mean of (found − truth)/σ and their number: of the fields' middles, and of their widths.
+/// Intervals of the night with the truth below and above them, the mean of (found − truth)/σ and their number: of the fields' middles, and of their widths. Then truths that are further off than 1.96 σ, and ends that are not set.
 const COLUMNS: &[&str] = &[
     "middle_below",
     "middle_above",
@@ -17,6 +17,10 @@ const COLUMNS: &[&str] = &[
     "width_above",
     "width_pull",
     "width_of",
+    "middle_beyond",
+    "width_beyond",
+    "middle_open",
+    "width_open",
 ];
 
 /// A night from photons and pixels to the fields.
@@ -32,30 +36,41 @@ fn night(seed: u64) -> Vec<f64> {
     let session = Session::open(folder.path("session")).unwrap();
     let station = Station::of_session(&session).unwrap();
     let mut sums = [[0.0; 4]; 2];
+    let (mut beyond, mut open) = ([0.0; 2], [0.0; 2]);
     for channel in found["channels"].as_array().unwrap() {
         let name = channel["name"].as_str().unwrap();
         let channel_of = station.channels.iter().find(|c| c.name == name).unwrap();
         let Detector::Counter(counter) = &channel_of.detector else { panic!("{name}") };
         let fibre = counter.fibre.unwrap();
         let numbers = |key: &str| [0, 1].map(|k| channel[key][k].as_f64().unwrap());
-        let middle = (numbers("offset_px"), numbers("offset_uncertainty_px"), fibre.offset_px);
-        let width = (numbers("sigma_px"), numbers("sigma_uncertainty_px"), fibre.sigma_px);
-        for (sums, (value, sigma, truth)) in sums.iter_mut().zip([middle, width]) {
+        for (kind, (name, truth)) in
+            [("offset", fibre.offset_px), ("sigma", fibre.sigma_px)].into_iter().enumerate()
+        {
+            let value = numbers(&format!("{name}_px"));
+            let sigma = numbers(&format!("{name}_uncertainty_px"));
             for k in 0..2 {
+                // An end that is not set is null.
+                let ends = channel[format!("{name}_interval_px")][k].as_array().unwrap();
+                assert_eq!(ends.len(), 2, "{channel}");
+                let [low, high] = [&ends[0], &ends[1]].map(serde_json::Value::as_f64);
+                open[kind] += [low, high].iter().filter(|end| end.is_none()).count() as f64;
+                let below = low.is_some_and(|low| truth[k] < low);
+                let above = high.is_some_and(|high| truth[k] > high);
                 let pull = (value[k] - truth[k]) / sigma[k];
-                let row = [f64::from(pull > 1.96), f64::from(pull < -1.96), pull, 1.0];
-                sums.iter_mut().zip(row).for_each(|(sum, own)| *sum += own);
+                let row = [f64::from(below), f64::from(above), pull, 1.0];
+                sums[kind].iter_mut().zip(row).for_each(|(sum, own)| *sum += own);
+                beyond[kind] += f64::from(pull.abs() > 1.96);
             }
         }
     }
     for sums in &mut sums {
         sums[2] /= f64::max(sums[3], 1.0);
     }
-    sums.concat()
+    [sums.concat(), beyond.to_vec(), open.to_vec()].concat()
 }
 
-/// Nights of the short demonstration with other seeds (synthetic): photons, pixels, a mount that wanders, twinkling, places of stars as frames tell them. Truth: the station's fields, with which the night was made. 95 % intervals are 1.96 σ
-/// to both sides. docs/uncertainty.md counts them by whole nights; here: nine of ten hold.
+/// Nights of the short demonstration with other seeds (synthetic): photons, pixels, a mount that wanders, twinkling, places of stars as frames tell them. Truth: the station's fields, with which the night was made. The intervals are the
+/// stated ones of 95 %. docs/uncertainty.md counts them by whole nights; here: nine of ten hold.
 #[test]
 fn campaign_fibres() {
     let mut campaign = Campaign::in_shards("fibres", 100, 1, COLUMNS);
@@ -64,13 +79,19 @@ fn campaign_fibres() {
         println!("{seed}: {row:.2?}");
         campaign.keep(seed, &row);
     }
+    let asked = campaign.is_asked_for();
     let mut missed = Vec::new();
     for (what, figure) in [("middle", "middles_missed"), ("width", "widths_missed")] {
+        // A night's six intervals share its errors: one night alone is judged by how far it is off.
+        let pulls = campaign.column(&format!("{what}_pull"));
+        assert!(asked || pulls.iter().all(|pull| pull.abs() < 4.0), "{what}: {pulls:?}");
         let sum = |end: &str| campaign.column(&format!("{what}_{end}")).iter().sum::<f64>();
-        missed.push((figure, (sum("below") + sum("above")) / sum("of")));
-        campaign.largest(figure, missed[missed.len() - 1].1);
+        missed.push((sum("below") + sum("above")) / sum("of"));
+        if asked {
+            campaign.largest(figure, missed[missed.len() - 1]);
+        }
     }
     let whole = campaign.is_whole();
     campaign.finish();
-    assert!(!whole || missed.iter().all(|(_, share)| *share < 0.1), "{missed:?}");
+    assert!(!whole || missed.iter().all(|share| *share < 0.1), "{missed:?}");
 }

@@ -97,6 +97,7 @@ fn fit(bencher: Bencher, robust: bool) {
                 rate_hz: rate + 60.0 * uniform(),
                 sigma_hz: 17.0,
                 star: i % 3,
+                between: None,
             }
         })
         .collect();

@@ -41,6 +41,19 @@ pub struct Interpolated {
     pub drift_px_per_s: DVec2,
 }
 
+/// The frames on both sides of a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Around {
+    /// Number of the frame before.
+    pub before: usize,
+    /// Part of the way from it to the next.
+    pub part: f64,
+    /// Time between the two, s.
+    pub span_s: f64,
+    /// Covariances of the places in both, px².
+    pub covariances_px2: [[f64; 3]; 2],
+}
+
 /// Why there is no place at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoPlace {
@@ -70,6 +83,24 @@ impl Track {
         apart_s: f64,
         wander_px2_per_s: f64,
     ) -> Result<Interpolated, NoPlace> {
+        let Around { before, part: w, span_s, covariances_px2: [first, last] } =
+            self.around(time, apart_s)?;
+        let offset = |number: usize| self.points[number].place.map(|place| place.offset_px);
+        let (Some(from), Some(to)) = (offset(before), offset(before + 1)) else {
+            return Err(NoPlace::Undetected);
+        };
+        let [dx, dy] = [0, 1].map(|i| to[i] - from[i]);
+        let wander = wander_px2_per_s * w * (1.0 - w) * span_s;
+        let between = |i: usize| (1.0 - w).powi(2) * first[i] + w * w * last[i];
+        let place = Place {
+            offset_px: DVec2::new(from[0] + w * dx, from[1] + w * dy),
+            covariance_px2: [between(0) + wander, between(1) + wander, between(2)],
+        };
+        Ok(Interpolated { place, drift_px_per_s: DVec2::new(dx / span_s, dy / span_s) })
+    }
+
+    /// The frames on both sides of a time, as [`Track::at`] takes them.
+    pub(crate) fn around(&self, time: Epoch, apart_s: f64) -> Result<Around, NoPlace> {
         let next = self.points.partition_point(|point| point.time <= time);
         // On the last frame itself the pair before it serves.
         let at_end = self.points.last().is_some_and(|last| last.time == time);
@@ -85,24 +116,25 @@ impl Track {
         if span_s > apart_s {
             return Err(NoPlace::Apart);
         }
-        let w = (time - before.time).to_seconds() / span_s;
-        let [dx, dy] = [0, 1].map(|i| to.offset_px[i] - from.offset_px[i]);
-        let wander = wander_px2_per_s * w * (1.0 - w) * span_s;
-        let between =
-            |i: usize| (1.0 - w).powi(2) * from.covariance_px2[i] + w * w * to.covariance_px2[i];
-        let place = Place {
-            offset_px: DVec2::new(from.offset_px[0] + w * dx, from.offset_px[1] + w * dy),
-            covariance_px2: [between(0) + wander, between(1) + wander, between(2)],
-        };
-        Ok(Interpolated { place, drift_px_per_s: DVec2::new(dx / span_s, dy / span_s) })
+        let part = (time - before.time).to_seconds() / span_s;
+        let covariances_px2 = [from.covariance_px2, to.covariance_px2];
+        Ok(Around { before: next - 1, part, span_s, covariances_px2 })
     }
 
     /// How much the target wanders off its straight way, px²/s per axis, as a random walk: from the distances of detected places from the line between
     /// their neighbours, less what the places' own covariances explain; the median over the frames (scaled to a normal distribution's variance), so that single
     /// wrong detections do not count. 0 with fewer than five such frames, or where nothing is left.
     pub fn wander_px2_per_s(&self) -> f64 {
-        let mut found = Vec::new();
-        for three in self.points.windows(3) {
+        wander_px2_per_s([self])
+    }
+}
+
+/// How much targets wander off their straight ways, px²/s per axis, as [`Track::wander_px2_per_s`] has it, from the tracks of all of them together: a visit of
+/// a few frames does not tell for itself.
+pub fn wander_px2_per_s<'a>(tracks: impl IntoIterator<Item = &'a Track>) -> f64 {
+    let mut found = Vec::new();
+    for track in tracks {
+        for three in track.points.windows(3) {
             let [Some(a), Some(b), Some(c)] = [three[0].place, three[1].place, three[2].place]
             else {
                 continue;
@@ -118,27 +150,27 @@ impl Track {
                 found.push(((b.offset_px[i] - line).powi(2), noise, bridge_s));
             }
         }
-        if found.len() < 10 {
-            return 0.0;
-        }
-        // The wander w at which the median of d²/(noise + w·bridge) is that of χ² with one degree: it falls as w grows.
-        let median = |wander: f64| {
-            let ratio =
-                |(d2, noise, bridge): &(f64, f64, f64)| d2 / (noise + wander * bridge).max(1e-300);
-            order::median(found.iter().map(ratio)).unwrap_or(0.0)
-        };
-        const MEDIAN_CHI2: f64 = 0.454_936;
-        if median(0.0) <= MEDIAN_CHI2 {
-            return 0.0;
-        }
-        let (mut low, mut high) = (0.0, 1e-6);
-        while median(high) > MEDIAN_CHI2 && high < 1e12 {
-            high *= 4.0;
-        }
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if median(middle) > MEDIAN_CHI2 { low = middle } else { high = middle }
-        }
-        0.5 * (low + high)
     }
+    if found.len() < 10 {
+        return 0.0;
+    }
+    // The wander w at which the median of d²/(noise + w·bridge) is that of χ² with one degree: it falls as w grows.
+    let median = |wander: f64| {
+        let ratio =
+            |(d2, noise, bridge): &(f64, f64, f64)| d2 / (noise + wander * bridge).max(1e-300);
+        order::median(found.iter().map(ratio)).unwrap_or(0.0)
+    };
+    const MEDIAN_CHI2: f64 = 0.454_936;
+    if median(0.0) <= MEDIAN_CHI2 {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0, 1e-6);
+    while median(high) > MEDIAN_CHI2 && high < 1e12 {
+        high *= 4.0;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if median(middle) > MEDIAN_CHI2 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }

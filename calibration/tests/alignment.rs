@@ -3,7 +3,9 @@
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use sunglint_calibration::alignment::{FieldMap, FieldPoint, FitError, FitOptions, fit_field};
+use sunglint_calibration::alignment::{
+    Between, FieldMap, FieldPoint, FitError, FitOptions, fit_field,
+};
 use sunglint_testkit::{peer_python, run_python};
 
 /// The field that points are drawn from: x₀, y₀, σ_x, σ_y.
@@ -42,6 +44,7 @@ impl Draw {
                 rate_hz: rate + sigma_hz * self.normal(),
                 sigma_hz,
                 star: 10 + i % 3,
+                between: None,
             });
         }
         points
@@ -107,6 +110,7 @@ fn points_that_err_together_are_not_counted_each() {
                     rate_hz: rate + sigma_hz * (draw.normal() + 3.0 * lasting),
                     sigma_hz,
                     star,
+                    between: None,
                 });
             }
         }
@@ -132,6 +136,107 @@ fn points_that_err_together_are_not_counted_each() {
         assert!(covered[i] - 0.683 > -4.0 * sigma && covered[i] - 0.683 < 3.5 * sigma);
         assert!(alone[i] < 0.683 - 4.0 * sigma, "{alone:?}");
     }
+}
+
+/// A night of ten stars that a telescope wanders about (synthetic), as a station has it: 24 s each, bins of 1 s, a frame every 4 s.
+///
+/// The telescope's place is a process of Ornstein and Uhlenbeck (2 px in each axis, 20 s) about an aim that scatters by 2 px, in steps of 0.05 s; a rate is the mean of the field over its bin, twinkles
+/// by 0.8 % times airmass^1.5, and has counts of its own. A place is on the line between the frames' places, which are off by 0.02 px.
+fn wandering(draw: &mut Draw) -> Vec<FieldPoint> {
+    const STEP_S: f64 = 0.05;
+    const NOISE_PX: f64 = 0.02;
+    let keep = f64::exp(-STEP_S / 20.0);
+    let mut points = Vec::new();
+    for star in 0..10 {
+        let airmass = 1.0 + 0.1 * star as f64;
+        let amplitude = 2e5 * 10_f64.powf(draw.uniform());
+        let aim = [0, 1].map(|k| TRUTH[k] + [-0.5, 0.7][k] + 2.0 * draw.normal());
+        let mut off = [draw.normal(), draw.normal()];
+        let path: Vec<[f64; 2]> = (0..480)
+            .map(|_| {
+                off = off.map(|off| keep * off + (1.0 - keep * keep).sqrt() * draw.normal());
+                [0, 1].map(|k| aim[k] + 2.0 * off[k])
+            })
+            .collect();
+        let first = (draw.uniform() * 80.0) as usize;
+        let frames: Vec<[f64; 2]> = (first..480)
+            .step_by(80)
+            .map(|i| path[i].map(|x| x + NOISE_PX * draw.normal()))
+            .collect();
+        for bin in 0..24 {
+            let Some(after) = (20 * bin + 10_usize).checked_sub(first) else { continue };
+            let (frame, part) = (after / 80, (after % 80) as f64 / 80.0);
+            let (Some(from), Some(to)) = (frames.get(frame), frames.get(frame + 1)) else {
+                continue;
+            };
+            let field = |at: &[f64; 2]| {
+                let [u, v] = [0, 1].map(|k| (at[k] - TRUTH[k]) / TRUTH[2 + k]);
+                (-0.5 * (u * u + v * v)).exp()
+            };
+            let seen = path[20 * bin..20 * bin + 20].iter().map(field).sum::<f64>() / 20.0;
+            let light = amplitude * seen * (1.0 + 0.008 * f64::powf(airmass, 1.5) * draw.normal());
+            let sigma_hz = light.sqrt();
+            // 2σ²/T, the slope of the process's structure function at 0.
+            let wander = 2.0 * 4.0 / 20.0;
+            let noise = [NOISE_PX * NOISE_PX, NOISE_PX * NOISE_PX, 0.0];
+            let bridge = wander * part * (1.0 - part) * 4.0;
+            points.push(FieldPoint {
+                offset_px: [0, 1].map(|k| from[k] + part * (to[k] - from[k])).into(),
+                covariance_px2: [noise[0] + bridge, noise[1] + bridge, 0.0],
+                rate_hz: light + sigma_hz * draw.normal(),
+                sigma_hz,
+                star,
+                between: Some(Between {
+                    frame,
+                    part,
+                    span_s: 4.0,
+                    exposure_s: 1.0,
+                    frames_px2: [noise; 2],
+                    wander_px2_per_s: wander,
+                }),
+            });
+        }
+    }
+    points
+}
+
+/// Truth: the field that the nights were drawn from, by a path that no formula of the fit makes: 95 % intervals of middles and widths hold 90 to 99 % of 80 nights, and no more than 6 % of the truths lie on
+/// one side (binomial of 160 numbers of a kind, some 3 σ). With the stated σ alone, as if each rate and place were off for itself, less than 88 % hold (4 σ less), and two of three widths that do not are too small: so
+/// the test can fail. A night in twenty may leave the field open.
+#[test]
+fn twinkling_and_the_way_between_frames_are_in_the_intervals() {
+    // Middles and widths: truths below and above the intervals, and beyond 1.96 σ of the fit that knows of neither.
+    let (mut missed, mut before, mut n) = ([[0.0_f64; 2]; 2], [[0.0_f64; 2]; 2], 0.0);
+    for seed in 0..80 {
+        let mut points = wandering(&mut Draw::new(5000 + seed));
+        let options = FitOptions { background: true, ..FitOptions::default() };
+        let with = fit_field(&points, &options);
+        points.iter_mut().for_each(|point| point.between = None);
+        points.iter_mut().for_each(|point| point.covariance_px2 = [0.0; 3]);
+        let without = fit_field(&points, &FitOptions { twinkling: false, ..options });
+        let (Ok(with), Ok(without)) = (with, without) else { continue };
+        n += 2.0;
+        for (k, interval) in with.intervals_px.iter().enumerate() {
+            missed[k / 2][0] += f64::from(interval.low_px.is_some_and(|low| TRUTH[k] < low));
+            missed[k / 2][1] += f64::from(interval.high_px.is_some_and(|high| TRUTH[k] > high));
+        }
+        let found = [without.offset_px.to_array(), without.sigma_px.to_array()].concat();
+        for (k, sigma) in without.uncertainties().into_iter().take(4).enumerate() {
+            let pull = (found[k] - TRUTH[k]) / sigma;
+            before[k / 2][0] += f64::from(pull > 1.96);
+            before[k / 2][1] += f64::from(pull < -1.96);
+        }
+    }
+    println!("missed {missed:?}, before {before:?} of {n}");
+    assert!(n > 0.95 * 160.0, "{n}");
+    for sides in missed {
+        let held = 1.0 - (sides[0] + sides[1]) / n;
+        assert!((0.90..0.99).contains(&held) && sides.iter().all(|s| *s < 0.06 * n), "{missed:?}");
+    }
+    for sides in before {
+        assert!(sides[0] + sides[1] > 0.12 * n, "{before:?}");
+    }
+    assert!(before[1][1] > 2.0 * before[1][0], "{before:?}");
 }
 
 /// Truth: the field that the points were drawn from, to 5 of the stated σ, with an eighth of the points spoilt upwards (another star in the fibre); least
@@ -160,7 +265,7 @@ fn spoilt_points_do_not_pull() {
 fn a_turned_field_and_a_background_are_found() {
     let mut points = Draw::new(9).points(600, 0.0, 25.0);
     points.iter_mut().for_each(|point| point.rate_hz += 200.0);
-    let options = FitOptions { rotation: true, background: true, robust: true };
+    let options = FitOptions { rotation: true, background: true, ..FitOptions::default() };
     let fit = fit_field(&points, &options).unwrap();
     let sigma = fit.uncertainties();
     let found =
@@ -233,7 +338,7 @@ fn the_fit_is_scipys() {
     let test = "the_fit_is_scipys";
     let Some(python) = peer_python(test, &["scipy"]) else { return };
     let points = Draw::new(12).points(150, 0.0, 15.0);
-    let options = FitOptions { rotation: true, background: true, robust: false };
+    let options = FitOptions { rotation: true, background: true, robust: false, twinkling: false };
     let fit = fit_field(&points, &options).unwrap();
     let rows: Vec<String> = points
         .iter()

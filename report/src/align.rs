@@ -6,7 +6,7 @@ use crate::{Product, json_of, rounded};
 use image::{Rgba, RgbaImage};
 use serde::Serialize;
 use std::fmt::Write as _;
-use sunglint_calibration::alignment::{Alignment, Cell, Field};
+use sunglint_calibration::alignment::{Alignment, Cell, Field, Interval};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::station::{Detector, Station};
 
@@ -53,10 +53,24 @@ pub fn text(found: &Alignment, station: &Station) -> String {
         );
     }
     text.push_str("\nscatter: of the rates about the fit over their stated uncertainty; scintillation and what is no normal distribution make it more than 1\n");
+    text.push_str("\n95 % intervals, without an end where the stars set none\n");
+    for field in fields {
+        let of = field.fit.intervals_px.map(|Interval { low_px, high_px }| {
+            let end = |end: Option<f64>| end.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+            format!("{} to {}", end(low_px), end(high_px))
+        });
+        let [x, y, u, v] = of;
+        let _ = writeln!(
+            text,
+            "  {:<10} column {x}, row {y}, sigma column {u}, sigma row {v}",
+            field.channel
+        );
+    }
+    text.push('\n');
     for field in fields.iter().filter(|field| field.fit.correlated_points > 0) {
         let _ = writeln!(
             text,
-            "{}: {} rates in a row err together (places between frames, twinkling); the uncertainties allow for it",
+            "{}: {} rates in a row err together beyond what places between frames explain (slow twinkling, clouds); the uncertainties allow for it",
             field.channel, field.fit.correlated_points
         );
     }
@@ -81,6 +95,8 @@ struct FibreJson<'a> {
     offset_uncertainty_px: [f64; 2],
     sigma_px: [f64; 2],
     sigma_uncertainty_px: [f64; 2],
+    offset_interval_px: [[Option<f64>; 2]; 2],
+    sigma_interval_px: [[Option<f64>; 2]; 2],
     angle_deg: f64,
     angle_uncertainty_deg: f64,
     scatter: f64,
@@ -112,6 +128,7 @@ pub fn product(found: &Alignment, station: &Station) -> Product {
         Column::i64("points", None, cells.iter().map(|(_, c)| c.points as i64).collect()),
     ];
     let pair = |values: [f64; 2]| values.map(rounded);
+    let ends = |Interval { low_px, high_px }: Interval| [low_px, high_px].map(|e| e.map(rounded));
     let fits = fields.iter().map(|field| {
         let fibre = field.fit.fibre();
         let [x, y, u, v, angle] = field.fit.uncertainties();
@@ -123,6 +140,8 @@ pub fn product(found: &Alignment, station: &Station) -> Product {
             offset_uncertainty_px: pair([x, y]),
             sigma_px: pair(fibre.sigma_px.to_array()),
             sigma_uncertainty_px: pair([u, v]),
+            offset_interval_px: [0, 1].map(|k| ends(field.fit.intervals_px[k])),
+            sigma_interval_px: [2, 3].map(|k| ends(field.fit.intervals_px[k])),
             angle_deg: rounded(field.fit.angle_deg),
             angle_uncertainty_deg: rounded(angle),
             scatter: rounded(field.fit.scatter),

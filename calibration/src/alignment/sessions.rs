@@ -1,10 +1,12 @@
 //! Fields of a station's fibres from the stars of recorded sessions.
 
-use super::{FieldFit, FieldMap, FieldPoint, FitOptions, fit_field};
+use super::{FieldFit, FieldMap, FieldPoint, FitOptions, Stand, fit_field};
 use crate::counts::{CountChannel, Sample};
 use crate::reduction::counts::{CountOptions, Fibres, gate};
 use crate::reduction::frames::FrameOptions;
 use crate::reduction::{ReduceError, ReduceOptions, Stay, reduce_with};
+use crate::track::wander_px2_per_s;
+use hifitime::Epoch;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
@@ -110,7 +112,8 @@ pub fn align(
     }
     let Stars { points, names, mut warnings } = stars;
     let mut fields = Vec::new();
-    let fit_options = FitOptions { rotation: options.rotation, background: true, robust: true };
+    let fit_options =
+        FitOptions { rotation: options.rotation, background: true, ..FitOptions::default() };
     for (channel, points) in points {
         match fit_field(&points, &fit_options) {
             Ok(fit) => {
@@ -138,6 +141,17 @@ fn ungated() -> CountOptions {
     counts
 }
 
+/// A rate of a star, whose place is not looked up yet.
+struct Rate {
+    channel: String,
+    star: usize,
+    stay: usize,
+    time: Epoch,
+    exposure_s: f64,
+    rate_hz: f64,
+    sigma_hz: f64,
+}
+
 /// Rates of stars by channel, the stars' names, and warnings.
 #[derive(Default)]
 struct Stars {
@@ -158,6 +172,7 @@ impl Stars {
         let session = Session::open(path)?;
         let night = session.manifest().start_utc;
         let Self { points, names, .. } = self;
+        let mut rates = Vec::new();
         let mut each = |channels: &[CountChannel], stay: &Stay, sample: &Sample| {
             if stay.target.target_kind != TargetKind::Star {
                 return;
@@ -168,16 +183,42 @@ impl Stars {
                 names.push(name);
                 names.len() - 1
             });
-            for (number, channel) in channels.iter().enumerate() {
-                if channel.fibre.is_some()
-                    && let Some(point) = FieldPoint::of(sample, number, star)
-                {
-                    points.entry(channel.name.clone()).or_default().push(point);
+            for (channel, found) in channels.iter().zip(&sample.channels) {
+                if channel.fibre.is_some() && found.rate_hz.is_finite() && found.sigma_hz > 0.0 {
+                    rates.push(Rate {
+                        channel: channel.name.clone(),
+                        star,
+                        stay: sample.visit,
+                        time: sample.time,
+                        exposure_s: sample.exposure_s,
+                        rate_hz: found.rate_hz,
+                        sigma_hz: found.sigma_hz,
+                    });
                 }
             }
         };
         let reduced = reduce_with(&session, station, options, progress, &mut each)
             .map_err(|e| AlignError::Session { path: path.to_path_buf(), source: Box::new(e) })?;
+        let tracks = reduced.tracks();
+        let of_star = reduced.stays.iter().zip(tracks);
+        let of_star = of_star.filter(|(stay, _)| stay.target.target_kind == TargetKind::Star);
+        // A visit of a few frames does not tell how the telescope wanders; those of a night do.
+        let wander = wander_px2_per_s(of_star.map(|(_, track)| track));
+        let apart_s = options.counts.bins.gate.apart_s;
+        for rate in rates {
+            let Rate { channel, star, stay, time, exposure_s, rate_hz, sigma_hz } = rate;
+            let Some(track) = tracks.get(stay) else { continue };
+            let Ok(stand) = Stand::on(track, time, exposure_s, apart_s, wander) else { continue };
+            let Stand { offset_px, covariance_px2, between } = stand;
+            points.entry(channel).or_default().push(FieldPoint {
+                offset_px,
+                covariance_px2,
+                rate_hz,
+                sigma_hz,
+                star,
+                between,
+            });
+        }
         self.warnings.extend(reduced.warnings);
         Ok(())
     }

@@ -299,6 +299,11 @@ fn seen_off(tracks: &[Track], station: &Station, options: &ReduceOptions) -> Vec
 }
 
 impl Reduced {
+    /// Tracks of the target for each stay; empty for one that [`Reduced::take`] has taken.
+    pub fn tracks(&self) -> &[Track] {
+        &self.tracks
+    }
+
     /// The next stay at a target that gave a curve, which leaves memory with it; `None` behind the last. A stay without frames and bins becomes a warning.
     ///
     /// # Errors
