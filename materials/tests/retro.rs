@@ -298,7 +298,7 @@ fn runs_without_chance_give_the_closed_forms() {
     }
 }
 
-/// Truth: α and F₀ of the rig, whose light is summed over the tilted plate of the stop. No chance, no stray light. Tolerance: α 1e-4 where what is seen is 0.13 to 0.23 % wider; F₀ 1e-3 (the
+/// Truth: α and F₀ of the rig, whose light is summed over the tilted plate of the stop. No chance, no stray light. Tolerance: α 1e-4 where what is seen is 0.1 to 0.24 % wider; F₀ 1e-3 (the
 /// peak is low by 0.4 %), of α = 0.3 2e-3, of which 65° do not hold all.
 #[test]
 fn narrow_lobes_come_back_through_the_rig_s_cone() {
@@ -322,7 +322,7 @@ fn narrow_lobes_come_back_through_the_rig_s_cone() {
         println!("{kind:?} {alpha}: {off:.1e}, as seen {seen:.1e}, F0 {:.5}", ndf.f0);
         assert!(off.abs() < 1e-4, "{kind:?} {alpha}: {off:e}");
         assert!((ndf.f0 / 0.8 - 1.0).abs() < if alpha > 0.1 { 2e-3 } else { 1e-3 }, "{}", ndf.f0);
-        assert!(alpha > 0.1 || (1e-3..3e-3).contains(&seen), "{kind:?} {alpha}: {seen:e}");
+        assert!(alpha > 0.1 || (8e-4..3e-3).contains(&seen), "{kind:?} {alpha}: {seen:e}");
     }
 }
 
