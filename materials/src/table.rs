@@ -1,9 +1,12 @@
 //! The table of a retro-reflection run, as a file holds it.
 //!
 //! `kind: retro_reflection` in the metadata; columns `angle_deg` (the stage's angle), `f_per_sr`, and where they are known `sigma_f_per_sr`, `azimuth_deg`
-//! (of a sample that differs by azimuth) and `flags`. Other columns (uncertainties by component) are left alone.
+//! (of a sample that differs by azimuth) and `flags`. Of a run of our own also `time_s` and `sigma_drift_per_sr`, with the incident readings in the metadata: errors that neighbouring angles
+//! share. Other columns (uncertainties by other components) are left alone.
 
+use crate::ndf::ZeroOrigin;
 use bitflags::Flags as _;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 use sunglint_formats::flag_bits::Numbering;
@@ -43,6 +46,48 @@ pub struct Reading {
     pub flags: RetroFlags,
 }
 
+/// How far the directions into the meter spread about that of the light: root mean squares.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ConeSpread {
+    /// In the plane of incidence, degrees.
+    pub along_deg: f64,
+    /// Across it, degrees.
+    pub across_deg: f64,
+}
+
+/// An incident reading of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct IncidentPower {
+    /// When it was read, s.
+    pub time_s: f64,
+    /// The power (of a standard: net), W.
+    pub power_w: f64,
+    /// Standard uncertainty of the power, W.
+    pub sigma_w: f64,
+}
+
+/// What the laser's power, read now and then, leaves to the readings: errors that neighbours share.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LaserTrack {
+    /// The incident readings.
+    pub incident: Vec<IncidentPower>,
+    /// When each angle was read, s.
+    pub time_s: Vec<f64>,
+    /// The part of each angle's standard deviation that is the laser's, sr⁻¹.
+    pub sigma_per_sr: Vec<f64>,
+}
+
+/// The stage's angle at normal incidence as a run states it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StatedZero {
+    /// The angle, degrees. The cosine in the values of f is that of the stage's angle less this.
+    pub angle_deg: f64,
+    /// Standard uncertainty of the angle, degrees.
+    pub sigma_deg: f64,
+    /// Where the angle came from.
+    pub origin: ZeroOrigin,
+}
+
 /// A retro-reflection run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RetroTable {
@@ -52,6 +97,14 @@ pub struct RetroTable {
     pub wavelength_nm: Option<f64>,
     /// Half the angle of the cone of light that reaches the meter, degrees.
     pub cone_half_angle_deg: Option<f64>,
+    /// Spread of that cone, where it is not a round one.
+    pub cone_spread: Option<ConeSpread>,
+    /// Relative standard deviation of the cone's solid angle; 0 where none is said.
+    pub cone_sigma: f64,
+    /// The stage's angle at normal incidence, where the run states it.
+    pub zero: Option<StatedZero>,
+    /// The laser's power over the run, where the table has it.
+    pub laser: Option<LaserTrack>,
     /// Relative standard deviation that all readings have in common (incident power, beam splitter, solid angle); 0 where none is said.
     pub scale_sigma: f64,
     /// Whether the table has azimuths.
@@ -136,10 +189,99 @@ impl RetroTable {
             readings,
             wavelength_nm: number("wavelength_nm")?,
             cone_half_angle_deg: number("cone_half_angle_deg")?,
+            cone_spread: cone_spread(path, table)?,
+            cone_sigma: cone_sigma(path, table)?,
+            zero: stated_zero(path, table)?,
+            laser: laser(path, table)?,
             scale_sigma: number("scale_sigma")?.unwrap_or(0.0),
             has_azimuths: azimuth.is_some(),
         })
     }
+}
+
+/// What stands in the metadata under a key, unless that is null; as another type.
+fn metadata<T: serde::de::DeserializeOwned>(
+    (path, table): (&Path, &Table),
+    key: &str,
+    expected: &str,
+) -> Result<Option<T>, ParseError> {
+    match table.meta.get(key) {
+        None | Some(Value::Null) => Ok(None),
+        Some(value) => match serde_json::from_value(value.clone()) {
+            Ok(read) => Ok(Some(read)),
+            Err(_) => Err(ParseError::new(path, value.to_string(), expected).in_field(key)),
+        },
+    }
+}
+
+fn cone_spread(path: &Path, table: &Table) -> Result<Option<ConeSpread>, ParseError> {
+    let (key, expected) = ("cone_spread_deg", "along_deg and across_deg, 0 to 45 degrees");
+    let spread: Option<ConeSpread> = metadata((path, table), key, expected)?;
+    let good =
+        |s: &ConeSpread| [s.along_deg, s.across_deg].iter().all(|s| (0.0..=45.0).contains(s));
+    match spread {
+        Some(spread) if !good(&spread) => {
+            let found = format!("{} and {}", spread.along_deg, spread.across_deg);
+            Err(ParseError::new(path, found, expected).in_field(key))
+        }
+        spread => Ok(spread),
+    }
+}
+
+/// The solid angle's part of what all readings have in common.
+fn cone_sigma(path: &Path, table: &Table) -> Result<f64, ParseError> {
+    let (key, expected) = ("scale_sigma_by", "relative uncertainties of 0 or above by their cause");
+    let causes: Option<std::collections::BTreeMap<String, f64>> =
+        metadata((path, table), key, expected)?;
+    let sigma = causes.and_then(|causes| causes.get("solid_angle").copied()).unwrap_or(0.0);
+    if sigma.is_finite() && sigma >= 0.0 {
+        return Ok(sigma);
+    }
+    Err(ParseError::new(path, sigma.to_string(), expected).in_field(key))
+}
+
+/// The stage's angle at normal incidence; none where the table does not say it with its uncertainty and its origin.
+fn stated_zero(path: &Path, table: &Table) -> Result<Option<StatedZero>, ParseError> {
+    let degrees = "an angle in degrees";
+    let angle: Option<f64> = metadata((path, table), "zero_deg", degrees)?;
+    let sigma: Option<f64> = metadata((path, table), "zero_sigma_deg", degrees)?;
+    let origins = "`fitted`, `given`, `law` or `assumed`";
+    let origin: Option<ZeroOrigin> = metadata((path, table), "zero_origin", origins)?;
+    let (Some(angle_deg), Some(sigma_deg), Some(origin)) = (angle, sigma, origin) else {
+        return Ok(None);
+    };
+    let checks = [
+        ("zero_deg", angle_deg, angle_deg.abs() < 90.0, "an angle between −90 and 90"),
+        ("zero_sigma_deg", sigma_deg, (0.0..90.0).contains(&sigma_deg), "0 to 90 degrees"),
+    ];
+    match checks.into_iter().find(|check| !check.2) {
+        Some((key, found, _, expected)) => {
+            Err(ParseError::new(path, found.to_string(), expected).in_field(key))
+        }
+        None => Ok(Some(StatedZero { angle_deg, sigma_deg, origin })),
+    }
+}
+
+/// The laser over the run; none where the table lacks the incident readings, the times, or the laser's part of the uncertainties.
+fn laser(path: &Path, table: &Table) -> Result<Option<LaserTrack>, ParseError> {
+    let (key, expected) = ("incident", "time_s, power_w above 0, sigma_w of 0 or above");
+    let incident: Option<Vec<IncidentPower>> = metadata((path, table), key, expected)?;
+    let has = |name: &str| table.columns.iter().any(|c| c.name == name);
+    let Some(incident) = incident.filter(|_| has("time_s") && has("sigma_drift_per_sr")) else {
+        return Ok(None);
+    };
+    let good = |i: &IncidentPower| {
+        let is_power = i.power_w.is_finite() && i.power_w > 0.0;
+        i.time_s.is_finite() && is_power && i.sigma_w.is_finite() && i.sigma_w >= 0.0
+    };
+    if let Some(wrong) = incident.iter().find(|i| !good(i)) {
+        let IncidentPower { time_s, power_w, sigma_w } = wrong;
+        let found = format!("{time_s} s, {power_w} W, {sigma_w} W");
+        return Err(ParseError::new(path, found, expected).in_field(key));
+    }
+    let time_s = table.quantity("time_s", "s").map_err(|e| e.in_file(path))?.into_owned();
+    let sigma = per_steradian(table, "sigma_drift_per_sr").map_err(|e| e.in_file(path))?;
+    Ok(Some(LaserTrack { incident, time_s, sigma_per_sr: sigma.into_owned() }))
 }
 
 /// The smallest and the largest angle, where they are radians: none beyond π/2, and nearly all a round number of degrees (by a tenth, 0.004° off at most, which four decimals

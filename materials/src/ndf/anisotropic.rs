@@ -3,8 +3,9 @@
 //! Each plane has its own symmetry point, as a tilted mount gives it. D is taken to be the same half a turn further: with both signs of the stage's angle a plane
 //! holds both halves.
 
+use super::cone::Cone;
 use super::nodes::Anisotropic;
-use super::profile::Traced;
+use super::profile::{Stated, Traced};
 use super::scan::Scan;
 use super::{Ndf, NdfError, NdfFlags, NdfOptions, Note, exp, solve, uncertainty};
 use crate::table::{Reading, RetroTable};
@@ -21,9 +22,12 @@ pub(super) fn extract(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, Ndf
     let planes = planes(&run.readings);
     let elevations = super::Elevations::new(options.elevations.unwrap_or(32));
     let mut scans = Vec::with_capacity(planes.len());
+    // Each plane has its own symmetry point, and was run by itself.
+    let stated = Stated { cone: Cone::of(run), zero: None };
     for (azimuth_deg, readings) in planes {
         let scan = Scan::clean(&readings, &mut notes)?;
-        let traced = Traced::new(&scan, azimuth_deg, &elevations.theta_rad, options, &mut notes)?;
+        let traced =
+            Traced::new(&scan, azimuth_deg, &elevations.theta_rad, (options, &stated), &mut notes)?;
         scans.push((scan, traced));
     }
     let azimuth: Vec<f64> = scans.iter().map(|(_, t)| t.profile.azimuth_deg.to_radians()).collect();
@@ -69,7 +73,13 @@ pub(super) fn extract(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, Ndf
         resamplings: 0,
         notes,
     };
-    uncertainty::add(&mut ndf, &over, &scans, run.scale_sigma, options, |traced| {
+    let common = uncertainty::Common {
+        stated,
+        laser: None,
+        scale_sigma: run.scale_sigma,
+        cone_sigma: run.cone_sigma,
+    };
+    uncertainty::add(&mut ndf, &over, &scans, (&common, options), |traced| {
         let rows: Vec<&[f64]> = traced.iter().map(|t| &t.ln_f[0][..]).collect();
         exp(&around.onto(&rows, &over.phi_rad))
     });

@@ -5,7 +5,8 @@
 //!
 //! From a table of angles to D: readings that are no light are left out ([`Note`]), the symmetry point is found from both sides of the normal, a cubic spline of
 //! ln f, even about it, leads to the nodes; beyond the last angle the lobe is continued and flagged, and how much the choice of the continuation changes is said
-//! beside the uncertainty that comes from the readings (by resampling). Diffuse light is no microfacets': where it is asked for and seen it is taken off first ([`DiffuseLight`]).
+//! beside the uncertainty that comes from the readings (by resampling). Where the run states the cone of light into the meter, both laws are fitted as that sees them, and what it takes from
+//! the better of them is given back to the readings before D is found. Diffuse light is no microfacets': where it is asked for and seen it is taken off first ([`DiffuseLight`]).
 //!
 //! # From retro-reflection to the density of normals
 //!
@@ -41,7 +42,9 @@
 //! ```
 
 mod anisotropic;
+mod cone;
 mod diffuse;
+mod laser;
 mod nodes;
 mod passes;
 mod power;
@@ -63,7 +66,9 @@ pub use tail::TailKind;
 pub use zero::{Zero, ZeroOrigin};
 
 use crate::table::RetroTable;
-use profile::Traced;
+use cone::Cone;
+use laser::Laser;
+use profile::{Stated, Traced};
 use scan::Scan;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -330,7 +335,7 @@ impl fmt::Display for Note {
                 "no reading from {from_deg:.2}° to {to_deg:.2}° off the normal: interpolated and flagged"
             ),
             Self::ZeroAssumed => f.write_str(
-                "the readings do not decide where the normal is (one side alone, or the same everywhere): the stage's zero is taken",
+                "the readings do not decide where the normal is (one side alone, or the same everywhere): the stage's zero is taken, with the uncertainty that the run states for it (none if it states none)",
             ),
             Self::Blurred { alpha, smallest_alpha } => write!(
                 f,
@@ -413,7 +418,8 @@ pub struct Ndf {
     pub projected_area: Vec<f64>,
     /// Standard deviation of D by the readings, sr⁻¹; none where theirs is not known.
     pub density_sigma: Option<Vec<f64>>,
-    /// How much D changes with other continuations beyond the last angle and across gaps, sr⁻¹: the largest difference.
+    /// How much D changes with other continuations beyond the last angle and across gaps, and with the other law, if the readings allow it, for what the cone took, sr⁻¹: the largest
+    /// difference.
     pub density_bound: Vec<f64>,
     /// Flags of the nodes.
     pub flags: Vec<NdfFlags>,
@@ -421,7 +427,7 @@ pub struct Ndf {
     pub f0: f64,
     /// Standard deviation of F₀ by the readings and by what they have in common.
     pub f0_sigma: Option<f64>,
-    /// How much other continuations change it.
+    /// How much other continuations, and another law for what the cone took, change it.
     pub f0_bound: f64,
     /// How the iteration went.
     pub convergence: Convergence,
@@ -496,13 +502,21 @@ const MOST_F0: f64 = 1.5;
 const WIDE: f64 = 0.5;
 const MOST_F0_WIDE: f64 = 2.5;
 
+/// The symmetry point by a law that meets readings of f cosθ, for a run whose two sides do not decide it; `shared` is by how much, relative, each reading may be off together with its
+/// neighbours. None where no law meets the readings within their scatter.
+pub(crate) fn zero_by_law(run: &RetroTable, shared: &[f64], most_deg: f64) -> Option<Zero> {
+    let scan = Scan::clean(&run.readings, &mut Vec::new()).ok()?;
+    zero::by_law(&scan, shared, most_deg)
+}
+
 fn isotropic(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> {
     let mut notes = Vec::new();
     let scan = Scan::clean(&run.readings, &mut notes)?;
     let over = Isotropic::new(options.elevations.unwrap_or(128));
     let theta = &over.elevations.theta_rad;
     let azimuth_deg = run.readings.first().map_or(0.0, |r| r.azimuth_deg);
-    let traced = Traced::new(&scan, azimuth_deg, theta, options, &mut notes)?;
+    let stated = Stated { cone: Cone::of(run), zero: run.zero };
+    let traced = Traced::new(&scan, azimuth_deg, theta, (options, &stated), &mut notes)?;
     let solution = solve(&over, &exp(&traced.ln_f[0]))?;
     let n = theta.len();
     let mut bound = uncertainty::Bound::new(n);
@@ -527,9 +541,13 @@ fn isotropic(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> {
         notes,
     };
     let scans = [(scan, traced)];
-    uncertainty::add(&mut ndf, &over, &scans, run.scale_sigma, options, |traced| {
-        exp(&traced[0].ln_f[0])
-    });
+    let common = uncertainty::Common {
+        stated,
+        laser: Laser::of(run),
+        scale_sigma: run.scale_sigma,
+        cone_sigma: run.cone_sigma,
+    };
+    uncertainty::add(&mut ndf, &over, &scans, (&common, options), |traced| exp(&traced[0].ln_f[0]));
     Ok(ndf)
 }
 

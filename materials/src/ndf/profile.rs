@@ -1,22 +1,37 @@
 //! One plane of incidence, from readings to ln f on the nodes.
 
+use super::cone::{Cone, Fitted, fit_through};
 use super::diffuse::{self, DiffuseLight, DiffuseOrigin};
 use super::scan::Scan;
 use super::shape::{EVERY_ALPHA, Reading, ShapeFit, fit, ln_shape};
 use super::spline::{EvenSpline, Knots, knots_of};
-use super::tail::{self, Tail};
+use super::tail::{self, PLAUSIBLE, Tail};
 use super::zero::{self, Zero, ZeroOrigin};
 use super::{NdfError, NdfFlags, NdfOptions, Note, Profile};
+use crate::table::StatedZero;
 use std::ops::Range;
 use sunglint_simulator::surface::Distribution;
 
 /// A gap is this many times as wide as readings are apart elsewhere.
 pub(super) const GAP_STEPS: f64 = 3.0;
 
+/// What a run states of its rig.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stated {
+    /// The cone of light into the meter.
+    pub cone: Option<Cone>,
+    /// The symmetry point, of a run of one plane.
+    pub zero: Option<StatedZero>,
+}
+
 /// A plane of incidence on the nodes.
 #[derive(Debug, Clone)]
 pub(super) struct Traced {
     pub profile: Profile,
+    /// Whether the symmetry point is found from these readings, and so again from others.
+    finds_zero: bool,
+    /// The law that says what the cone took, where that is known.
+    cleared: Option<Distribution>,
     reference: Reference,
     /// ln f on the nodes: as found, then with other continuations and across gaps otherwise.
     pub ln_f: Vec<Vec<f64>>,
@@ -63,7 +78,7 @@ impl<'a> Curve<'a> {
 }
 
 impl Traced {
-    /// From a scan to nodes at `theta` (radians).
+    /// From a scan to nodes at `theta` (radians). Where the readings do not decide the symmetry point, that which the run states is taken.
     ///
     /// # Errors
     /// Angles that are missing amid the peak, or beside it so that the symmetry point is not decided.
@@ -71,7 +86,7 @@ impl Traced {
         scan: &Scan,
         azimuth_deg: f64,
         theta: &[f64],
-        options: &NdfOptions,
+        (options, stated): (&NdfOptions, &Stated),
         notes: &mut Vec<Note>,
     ) -> Result<Self, NdfError> {
         let smoothed = options.median.map(|width| scan.smoothed(width));
@@ -79,6 +94,12 @@ impl Traced {
         let zero = match options.zero_deg {
             Some(angle_deg) => Zero { angle_deg, sigma_deg: 0.0, origin: ZeroOrigin::Given },
             None => zero::find(scan, options.most_offset_deg)?,
+        };
+        let (zero, finds_zero) = match (zero.origin, stated.zero) {
+            (ZeroOrigin::Assumed, Some(StatedZero { angle_deg, sigma_deg, origin })) => {
+                (Zero { angle_deg, sigma_deg, origin }, false)
+            }
+            (origin, _) => (zero, origin == ZeroOrigin::Fitted),
         };
         if zero.origin == ZeroOrigin::Assumed {
             notes.push(Note::ZeroAssumed);
@@ -91,8 +112,21 @@ impl Traced {
             notes.push(Note::Floor { f_per_sr, part, zero_deg });
         }
         let (readings, diffuse) = lobe_of(&all, scan.knows_sigma(), options, notes);
-        let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
+        let cone = stated.cone.as_ref();
+        let near = near_normal(&readings, scan.knows_sigma());
+        let shape = |d: Distribution| fit_through(cone, d, &near, EVERY_ALPHA, None);
         let (beckmann, ggx) = (shape(Distribution::Beckmann), shape(Distribution::Ggx));
+        let laws = [(Distribution::Beckmann, beckmann), (Distribution::Ggx, ggx)];
+        let (is_ggx, least_misfit) =
+            (ggx.misfit < beckmann.misfit, beckmann.misfit.min(ggx.misfit));
+        let most_misfit = PLAUSIBLE.max(3.0 * least_misfit);
+        let both_follow = beckmann.misfit.max(ggx.misfit) <= most_misfit;
+        let (law, other) = if is_ggx { (laws[1], laws[0]) } else { (laws[0], laws[1]) };
+        let (law, other) = (Fitted::of(law.0, law.1), Fitted::of(other.0, other.1));
+        let readings = match cone {
+            Some(cone) => cone.cleared(&law, &readings),
+            None => readings,
+        };
         let reference = Reference::of(beckmann, ggx, scan.step_deg());
         let knots = Knots::new(knots_of(&places(&readings))).ok_or_else(too_few)?;
         let spline = Curve::through(&knots, reference, &readings).ok_or_else(too_few)?;
@@ -127,6 +161,12 @@ impl Traced {
             };
             ln_f.push(theta.iter().map(|t| straight(*t)).collect());
         }
+        // What the cone takes is not the same of both laws; beyond the last angle the continuations say more than that.
+        if let Some(cone) = cone.filter(|_| both_follow) {
+            let more = |t: f64| cone.ln_blur_of(&law, t) - cone.ln_blur_of(&other, t);
+            let at = |t: &f64| along(*t, &best) + more(t.min(end));
+            ln_f.push(theta.iter().map(at).collect());
+        }
         let flag = |t: &f64| {
             if *t > end {
                 NdfFlags::EXTRAPOLATED
@@ -137,36 +177,67 @@ impl Traced {
             }
         };
         let flags = theta.iter().map(flag).collect();
-        Ok(Self { profile, reference, ln_f, flags })
+        let better = if is_ggx { Distribution::Ggx } else { Distribution::Beckmann };
+        let cleared = cone.map(|_| better);
+        Ok(Self { profile, finds_zero, cleared, reference, ln_f, flags })
     }
 
-    /// ln f on the nodes and the two roughnesses of the same scan with other readings: the kind of continuation is kept, the symmetry point is fitted again.
-    pub fn again(&self, scan: &Scan, theta: &[f64], options: &NdfOptions) -> Option<Self> {
+    /// ln f on the nodes and the two roughnesses of the same scan with other readings: the kind of continuation is kept, the symmetry point is fitted again if these readings gave it;
+    /// else it is drawn with its uncertainty (`normal` is a standard normal number), and the cosine in f with it.
+    pub fn again(
+        &self,
+        scan: &Scan,
+        theta: &[f64],
+        (options, stated): (&NdfOptions, &Stated),
+        normal: f64,
+    ) -> Option<Self> {
         let mut profile = self.profile.clone();
+        let mut turned = None;
+        if !self.finds_zero && profile.zero.sigma_deg > 0.0 {
+            profile.zero.angle_deg += normal * profile.zero.sigma_deg;
+            turned =
+                stated.zero.map(|zero| scan.with_cosine(zero.angle_deg, profile.zero.angle_deg));
+        }
+        let scan = turned.as_ref().unwrap_or(scan);
         let smoothed = options.median.map(|width| scan.smoothed(width));
         let scan = smoothed.as_ref().unwrap_or(scan);
-        if profile.zero.origin == ZeroOrigin::Fitted {
+        if self.finds_zero {
             profile.zero.angle_deg = zero::refined(scan, profile.zero.angle_deg)?;
         }
         let all = off_normal(scan, profile.zero.angle_deg);
         let shapes = [(Distribution::Beckmann, profile.beckmann), (Distribution::Ggx, profile.ggx)];
         let near = shapes.into_iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
-        profile.diffuse = diffuse::again(&profile.diffuse, &all, (near.0, near.1.alpha));
-        let readings = diffuse::taken_off(&all, &profile.diffuse, scan.knows_sigma());
+        profile.diffuse = diffuse::again(&profile.diffuse, &all, seen_as(near));
+        let seen = diffuse::taken_off(&all, &profile.diffuse, scan.knows_sigma());
+        let near = near_normal(&seen, scan.knows_sigma());
+        let close =
+            |alpha: f64| ((0.5 * alpha).max(EVERY_ALPHA.0), (1.7 * alpha).min(EVERY_ALPHA.1));
+        let cone = stated.cone.as_ref();
+        let shape =
+            |d: Distribution, found: f64| fit_through(cone, d, &near, close(found), Some(found));
+        profile.beckmann = shape(Distribution::Beckmann, profile.beckmann.alpha);
+        profile.ggx = shape(Distribution::Ggx, profile.ggx.alpha);
+        let readings = match (cone, self.cleared) {
+            (Some(cone), Some(distribution)) => {
+                let is_ggx = distribution == Distribution::Ggx;
+                let fit = if is_ggx { profile.ggx } else { profile.beckmann };
+                cone.cleared(&Fitted::of(distribution, fit), &seen)
+            }
+            _ => seen,
+        };
         let knots = Knots::new(knots_of(&places(&readings)))?;
         let spline = Curve::through(&knots, self.reference, &readings)?;
         let end = knots.end();
         let best = tail::chosen(&readings, (end, spline.at(end)), Some(profile.tail))?;
         let along = |t: &f64| if *t > end { best.at(*t) } else { spline.at(*t) };
-        let near = near_normal(&readings);
-        let close =
-            |alpha: f64| ((0.5 * alpha).max(EVERY_ALPHA.0), (1.7 * alpha).min(EVERY_ALPHA.1));
-        let (beckmann, ggx) = (profile.beckmann.alpha, profile.ggx.alpha);
-        profile.beckmann = fit(Distribution::Beckmann, &near, close(beckmann));
-        profile.ggx = fit(Distribution::Ggx, &near, close(ggx));
         let ln_f = vec![theta.iter().map(along).collect()];
-        Some(Self { profile, reference: self.reference, ln_f, flags: Vec::new() })
+        Some(Self { profile, ln_f, flags: Vec::new(), ..*self })
     }
+}
+
+/// A law with the roughness of the lobe as it is seen.
+fn seen_as((distribution, fit): (Distribution, ShapeFit)) -> (Distribution, f64) {
+    (distribution, fit.seen_alpha.unwrap_or(fit.alpha))
 }
 
 /// The readings of the lobe, and the diffuse light that was taken off them.
@@ -214,13 +285,18 @@ fn places(readings: &[Reading]) -> Vec<f64> {
     readings.iter().map(|r| r.0).collect()
 }
 
-/// Returns the readings that a parametric lobe is fitted to: where f is above a thousandth of its largest, which the normal's neighbourhood decides.
-fn near_normal(readings: &[Reading]) -> Vec<Reading> {
+/// Returns the readings that a parametric lobe is fitted to: where f is above a thousandth of its largest, which the normal's neighbourhood decides. `known` says whether weights are 1/σ² of
+/// ln f.
+fn near_normal(readings: &[Reading], known: bool) -> Vec<Reading> {
     let top = readings.iter().fold(f64::NEG_INFINITY, |a, r| a.max(r.1));
     let near = readings.iter().filter(|r| r.1 >= top - 1000_f64.ln()).copied();
-    // Equal weights: a real lobe differs from both by more than noise.
-    near.map(|(x, y, _)| (x, y, 1.0)).collect()
+    // Equal weights, since a real lobe differs from both by more than noise; but less of readings whose noise is more than that, which in ln f also is no longer even.
+    let weight = |w: f64| if known { 1.0 / (1.0 + 1.0 / (w * DIFFERS * DIFFERS)) } else { 1.0 };
+    near.map(|(x, y, w)| (x, y, weight(w))).collect()
 }
+
+/// What a real lobe differs from a law by, in ln f: noise that is larger makes a reading count less.
+const DIFFERS: f64 = 0.02;
 
 /// Where neighbouring readings off the normal are far apart, radians.
 fn gaps(

@@ -18,6 +18,8 @@ pub(super) struct Scan {
     pub f: Vec<f64>,
     /// Standard deviation of the retro-reflection, sr⁻¹; 0 where it is not known.
     pub sigma: Vec<f64>,
+    /// Place of each reading among those that were cleaned.
+    pub place: Vec<usize>,
 }
 
 /// The least number of readings, and how far apart the ends must be.
@@ -30,11 +32,12 @@ impl Scan {
     /// Too few, nothing above 0, a saturated peak, a peak that the angles do not resolve.
     pub fn clean(readings: &[Reading], notes: &mut Vec<Note>) -> Result<Self, NdfError> {
         notes.extend(passes::differ(readings));
-        let mut readings = readings.to_vec();
+        let mut places: Vec<usize> = (0..readings.len()).collect();
         if readings.windows(2).any(|pair| pair[0].angle_deg > pair[1].angle_deg) {
             notes.push(Note::Sorted);
-            readings.sort_by(|a, b| a.angle_deg.total_cmp(&b.angle_deg));
+            places.sort_by(|a, b| readings[*a].angle_deg.total_cmp(&readings[*b].angle_deg));
         }
+        let readings: Vec<Reading> = places.iter().map(|place| readings[*place]).collect();
         let apart = readings.chunk_by(|a, b| a.angle_deg == b.angle_deg).count();
         if apart < LEAST {
             return Err(NdfError::TooFew { found: apart, least: LEAST });
@@ -52,8 +55,8 @@ impl Scan {
                 debug_assert!(edge <= readings.len());
             }
         }
-        let mut scan = Self { angle_deg: vec![], f: vec![], sigma: vec![] };
-        for r in &readings[from..to] {
+        let mut scan = Self { angle_deg: vec![], f: vec![], sigma: vec![], place: vec![] };
+        for (r, place) in readings[from..to].iter().zip(&places[from..to]) {
             let reason = match r.flags {
                 flags if flags.contains(RetroFlags::OVER_RANGE) => "over range",
                 flags if flags.contains(RetroFlags::EDGE) => "light beside the sample",
@@ -64,6 +67,7 @@ impl Scan {
                     scan.angle_deg.push(r.angle_deg);
                     scan.f.push(r.f_per_sr);
                     scan.sigma.push(r.sigma_f_per_sr);
+                    scan.place.push(*place);
                     continue;
                 }
             };
@@ -107,6 +111,19 @@ impl Scan {
             part[reach]
         };
         Self { f: (0..self.f.len()).map(median).collect(), ..self.clone() }
+    }
+
+    /// The same with the cosine of another symmetry point in f; readings that would then lie beyond the horizon stay as they are.
+    pub fn with_cosine(&self, from_deg: f64, to_deg: f64) -> Self {
+        let cos = |angle: f64, zero: f64| (angle - zero).to_radians().cos();
+        let factor = |angle: f64| {
+            let factor = cos(angle, from_deg) / cos(angle, to_deg);
+            if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
+        };
+        let times = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&self.angle_deg).map(|(v, angle)| v * factor(*angle)).collect()
+        };
+        Self { f: times(&self.f), sigma: times(&self.sigma), ..self.clone() }
     }
 
     /// Whether the angles resolve the lobe: at least three readings above half the largest, two where it is at the end of the scan.

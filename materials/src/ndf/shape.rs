@@ -10,7 +10,10 @@ use sunglint_simulator::surface::{Distribution, Lobe, Masking};
 pub struct ShapeFit {
     /// The roughness.
     pub alpha: f64,
-    /// Standard deviation of the roughness, by resampling; none where that of the readings is not known.
+    /// The roughness of the lobe as it is seen through the cone of light, whose share is taken off in `alpha`; none where the run does not state its cone: `alpha` is then that.
+    #[serde(default)]
+    pub seen_alpha: Option<f64>,
+    /// Standard deviation of the roughness, by resampling and by how well the cone is known; none where that of the readings is not known.
     pub sigma: Option<f64>,
     /// F₀ of the fit.
     pub f0: f64,
@@ -58,7 +61,13 @@ pub(super) fn fit(distribution: Distribution, readings: &[Reading], range: (f64,
     let best = (0..=24).min_by(|a, b| judge(at(*a)).0.total_cmp(&judge(at(*b)).0)).unwrap_or(12);
     let ln_alpha = golden(at(best.saturating_sub(1)), at((best + 1).min(24)), |x| judge(x).0);
     let (square, ln_f0) = judge(ln_alpha);
-    ShapeFit { alpha: ln_alpha.exp(), sigma: None, f0: ln_f0.exp(), misfit: square.sqrt() }
+    ShapeFit {
+        alpha: ln_alpha.exp(),
+        seen_alpha: None,
+        sigma: None,
+        f0: ln_f0.exp(),
+        misfit: square.sqrt(),
+    }
 }
 
 /// The range of roughness that a fit looks through.

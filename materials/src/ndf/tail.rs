@@ -27,7 +27,7 @@ const OTHERS: [TailKind; 3] = [TailKind::Ggx, TailKind::Beckmann, TailKind::Expo
 const WINDOW: f64 = 0.6;
 /// The part of them that the others have to follow, and how well (root mean square of ln f, or three times what the best leaves).
 const LAST: f64 = 0.85;
-const PLAUSIBLE: f64 = 0.05;
+pub(super) const PLAUSIBLE: f64 = 0.05;
 
 /// A continuation.
 #[derive(Debug, Clone, Copy)]

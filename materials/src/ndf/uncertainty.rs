@@ -1,8 +1,9 @@
 //! Uncertainty of D by that of the readings: the same calculation again with readings drawn anew.
 
+use super::laser::Laser;
 use super::nodes::Hemisphere;
 use super::power::{Solution, solve};
-use super::profile::Traced;
+use super::profile::{Stated, Traced};
 use super::scan::Scan;
 use super::{Ndf, NdfOptions, ShapeFit};
 use rand::{RngExt as _, SeedableRng as _};
@@ -39,13 +40,23 @@ struct Drawn {
     zeros: Vec<f64>,
 }
 
+/// What the readings of a run have in common.
+pub(super) struct Common {
+    pub stated: Stated,
+    /// The laser over the run, of which neighbouring angles share the errors.
+    pub laser: Option<Laser>,
+    /// Relative standard deviation of all values.
+    pub scale_sigma: f64,
+    /// Relative standard deviation of the cone's solid angle.
+    pub cone_sigma: f64,
+}
+
 /// Adds standard deviations to `ndf`, where those of the readings are known; `on_nodes` brings the planes onto the nodes.
 pub(super) fn add(
     ndf: &mut Ndf,
     over: &impl Hemisphere,
     planes: &[(Scan, Traced)],
-    scale_sigma: f64,
-    options: &NdfOptions,
+    (common, options): (&Common, &NdfOptions),
     on_nodes: impl Fn(&[Traced]) -> Vec<f64> + Sync,
 ) {
     let known = planes.iter().all(|(scan, _)| scan.sigma.iter().all(|s| *s > 0.0));
@@ -55,7 +66,8 @@ pub(super) fn add(
     let draw = |k: usize| -> Option<Drawn> {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(options.seed ^ ((k as u64) << 32));
         let again = |(scan, traced): &(Scan, Traced)| {
-            traced.again(&drawn(scan, &mut random), &ndf.theta_rad, options)
+            let (drawn, turned) = drawn(scan, common.laser.as_ref(), &mut random);
+            traced.again(&drawn, &ndf.theta_rad, (options, &common.stated), turned)
         };
         let traced: Vec<Traced> = planes.iter().map(again).collect::<Option<_>>()?;
         let found = solve(over, &on_nodes(&traced)).ok()?;
@@ -78,12 +90,15 @@ pub(super) fn add(
         (squares / all.len() as f64).sqrt()
     };
     let by_readings = spread(ndf.f0, &|d| d.f0);
-    ndf.f0_sigma = Some(by_readings.hypot(scale_sigma * ndf.f0));
+    ndf.f0_sigma = Some(by_readings.hypot(common.scale_sigma * ndf.f0));
     let node = |k: usize| spread(ndf.density[k], &|d| d.density[k]);
     ndf.density_sigma = Some((0..ndf.density.len()).map(node).collect());
     for (p, profile) in ndf.profiles.iter_mut().enumerate() {
         let with = |fit: &mut ShapeFit, which: usize| {
-            fit.sigma = Some(spread(fit.alpha, &|d| d.alphas[p][which]));
+            let by_readings = spread(fit.alpha, &|d| d.alphas[p][which]);
+            // What the cone adds to α goes with its solid angle.
+            let by_cone = fit.seen_alpha.map_or(0.0, |seen| common.cone_sigma * (seen - fit.alpha));
+            fit.sigma = Some(by_readings.hypot(by_cone));
         };
         with(&mut profile.beckmann, 0);
         with(&mut profile.ggx, 1);
@@ -91,13 +106,24 @@ pub(super) fn add(
     }
 }
 
-/// The scan with readings drawn from their distributions: in ln f, so that they stay above 0.
-fn drawn(scan: &Scan, random: &mut Xoshiro256PlusPlus) -> Scan {
+/// The scan with readings drawn from their distributions: in ln f, so that they stay above 0; what the laser leaves to them is drawn for all together. And a normal number besides.
+fn drawn(scan: &Scan, laser: Option<&Laser>, random: &mut Xoshiro256PlusPlus) -> (Scan, f64) {
     let mut normal = || {
         // Box and Muller 1958; 1 − u is never 0.
         let (u, v): (f64, f64) = (1.0 - random.random::<f64>(), random.random());
         (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
     };
-    let f = scan.f.iter().zip(&scan.sigma).map(|(f, s)| f * (normal() * s / f).exp()).collect();
-    Scan { f, ..scan.clone() }
+    let own = |(place, sigma): (&usize, &f64)| {
+        let shared = laser.map_or(0.0, |laser| laser.sigma_per_sr(*place));
+        (sigma * sigma - shared * shared).max(0.0).sqrt()
+    };
+    let own: Vec<f64> = scan.place.iter().zip(&scan.sigma).map(own).collect();
+    let mut f: Vec<f64> =
+        scan.f.iter().zip(&own).map(|(f, s)| f * (normal() * s / f).exp()).collect();
+    if let Some(laser) = laser {
+        let shared = laser.drawn(&scan.place, &mut normal);
+        f.iter_mut().zip(shared).for_each(|(f, error)| *f *= error.exp());
+    }
+    let other = normal();
+    (Scan { f, ..scan.clone() }, other)
 }

@@ -3,9 +3,10 @@
 use super::NdfError;
 use super::profile::GAP_STEPS;
 use super::scan::Scan;
-use super::shape::golden;
+use super::shape::{EVERY_ALPHA, Reading, fit, golden};
 use super::spline::Knots;
 use serde::{Deserialize, Serialize};
+use sunglint_simulator::surface::Distribution;
 
 /// Readings that each side needs.
 const LEAST_A_SIDE: usize = 4;
@@ -27,6 +28,8 @@ pub enum ZeroOrigin {
     Fitted,
     /// Symmetry point that the user gave.
     Given,
+    /// From a law that meets all readings, those of the flank, too, within their scatter, where both sides do not decide it.
+    Law,
     /// The stage's own zero: one side alone was measured, or what is the same everywhere has no symmetry point.
     Assumed,
 }
@@ -162,6 +165,85 @@ impl Judge<'_> {
         let right = part.iter().filter(|k| self.scan.angle_deg[**k] >= zero).count();
         right >= LEAST_A_SIDE && part.len() - right >= LEAST_A_SIDE
     }
+}
+
+/// Step of the trials of a law's symmetry point, and half of the stretch over which its sum of squares bends, degrees.
+const LAW_STEP_DEG: f64 = 0.25;
+const LAW_BEND_DEG: f64 = 0.1;
+/// Readings of a larger relative uncertainty tell a law's symmetry point nothing that the bias of their logarithms does not spoil.
+const MOST_RELATIVE: f64 = 0.15;
+
+/// Readings of f cosθ, held against a law about a symmetry point.
+struct LawJudge {
+    /// The stage's angle, degrees; ln(f cosθ); 1/σ² of that.
+    readings: Vec<Reading>,
+}
+
+impl LawJudge {
+    /// The sum of squares that the best roughness leaves.
+    fn square(&self, law: Distribution, zero_deg: f64) -> f64 {
+        let off = |(angle, ln_f_cos, weight): &Reading| {
+            let theta = (angle - zero_deg).to_radians();
+            (theta, ln_f_cos - theta.cos().ln(), *weight)
+        };
+        let readings: Vec<Reading> = self.readings.iter().map(off).collect();
+        let all: f64 = readings.iter().map(|r| r.2).sum();
+        all * fit(law, &readings, EVERY_ALPHA).misfit.powi(2)
+    }
+
+    /// Where a law has its symmetry point, the standard deviation by the scatter, and the sum of squares; none where that is at an end of the search or where the law is level.
+    fn best(&self, law: Distribution, most_deg: f64) -> Option<(f64, f64, f64)> {
+        let square = |zero: f64| self.square(law, zero);
+        let count = (most_deg / LAW_STEP_DEG).floor() as i64;
+        let tried: Vec<f64> = (-count..=count).map(|k| square(LAW_STEP_DEG * k as f64)).collect();
+        let best = (0..tried.len()).min_by(|a, b| tried[*a].total_cmp(&tried[*b]))?;
+        if best == 0 || best + 1 == tried.len() {
+            return None;
+        }
+        let near = LAW_STEP_DEG * (best as i64 - count) as f64;
+        let zero = golden(near - LAW_STEP_DEG, near + LAW_STEP_DEG, square);
+        let lowest = square(zero);
+        let sides = square(zero - LAW_BEND_DEG) + square(zero + LAW_BEND_DEG);
+        let bend = (sides - 2.0 * lowest) / (LAW_BEND_DEG * LAW_BEND_DEG);
+        let variance = (lowest / self.free()).max(1.0);
+        let sigma = (2.0 * variance / bend).sqrt();
+        (sigma.is_finite() && lowest.is_finite()).then_some((zero, sigma, lowest))
+    }
+
+    /// Readings beyond the three numbers that are fitted.
+    fn free(&self) -> f64 {
+        (self.readings.len() as f64 - 3.0).max(1.0)
+    }
+}
+
+/// The symmetry point by the law, Beckmann's or GGX's, that meets the readings of f cosθ within their scatter; `shared` is what neighbouring readings may be off by together, relative. None
+/// where no law meets them, or where standard deviations are not known.
+pub(super) fn by_law(scan: &Scan, shared: &[f64], most_deg: f64) -> Option<Zero> {
+    if !scan.knows_sigma() {
+        return None;
+    }
+    let judge = |off: f64| {
+        let each = |k: usize| {
+            let relative = scan.sigma[k] / scan.f[k];
+            let together = scan.place.get(k).and_then(|place| shared.get(*place));
+            let ln = scan.f[k].ln() + off * together.copied().unwrap_or(0.0);
+            (relative < MOST_RELATIVE).then(|| (scan.angle_deg[k], ln, relative.powi(-2)))
+        };
+        LawJudge { readings: (0..scan.f.len()).filter_map(each).collect() }
+    };
+    let plain = judge(0.0);
+    let most = plain.free() + REFUSED * (2.0 * plain.free()).sqrt();
+    let met = |law: Distribution| {
+        plain.best(law, most_deg).filter(|found| found.2 <= most).map(|found| (law, found))
+    };
+    let mut laws: Vec<_> =
+        [Distribution::Beckmann, Distribution::Ggx].into_iter().filter_map(met).collect();
+    laws.sort_by(|a, b| a.1.2.total_cmp(&b.1.2));
+    let (law, (angle_deg, by_scatter, _)) = *laws.first()?;
+    let by_law = laws.get(1).map_or(0.0, |other| other.1.0 - angle_deg);
+    let by_shared = judge(1.0).best(law, most_deg)?.0 - angle_deg;
+    let sigma_deg = by_scatter.hypot(by_law).hypot(by_shared);
+    Some(Zero { angle_deg, sigma_deg, origin: ZeroOrigin::Law })
 }
 
 /// The symmetry point of other readings at the same angles, near one that was found; `None` where they do not decide it.

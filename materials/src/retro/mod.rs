@@ -24,13 +24,14 @@ pub mod stop;
 mod table;
 
 pub use readings::{AtAngle, Mean};
+pub(crate) use reduce::walk;
 pub use reduce::{reduce, smallest_alpha};
 pub use spot::Spot;
 pub use stop::Stop;
 pub use table::to_table;
 
 use crate::ndf::ZeroOrigin;
-use crate::table::RetroFlags;
+use crate::table::{ConeSpread, RetroFlags};
 use serde::Serialize;
 use std::fmt;
 
@@ -110,7 +111,7 @@ pub struct Components {
     pub readout_per_sr: f64,
     /// The scan without a sample: its scatter, and the laser's change since.
     pub signature_per_sr: f64,
-    /// The laser between the incident readings.
+    /// The laser between the incident readings, and their noise but for what all angles share.
     pub drift_per_sr: f64,
     /// The stage's angle and the mount's offset.
     pub angle_per_sr: f64,
@@ -152,6 +153,8 @@ impl Scale {
 pub struct Row {
     /// The stage's angle, degrees.
     pub angle_deg: f64,
+    /// When it was read, s, from any zero common to the run.
+    pub time_s: f64,
     /// f̄, sr⁻¹; not a number where the meter was over its range.
     pub f_per_sr: f64,
     /// Uncertainties of the value, by their causes.
@@ -220,6 +223,11 @@ pub enum Note {
         /// Angles that have them.
         angles: usize,
     },
+    /// The mount's offset was found by a law, since both sides do not decide it.
+    ZeroByLaw {
+        /// Its standard uncertainty, degrees.
+        sigma_deg: f64,
+    },
     /// The mount's offset could not be found.
     ZeroAssumed {
         /// Why.
@@ -264,6 +272,10 @@ impl fmt::Display for Note {
             Self::Outliers { readings, angles } => {
                 write!(f, "{readings} readings at {angles} angles were left out as outliers")
             }
+            Self::ZeroByLaw { sigma_deg } => write!(
+                f,
+                "the readings on both sides of the normal do not decide the mount's offset: it is that of a Beckmann or GGX lobe that meets all readings within their scatter, ± {sigma_deg:.3}°. If the sample is neither, give zero_deg"
+            ),
             Self::ZeroAssumed { reason } => write!(
                 f,
                 "the mount's offset is not known ({reason}): the stage's zero was taken for the cosine"
@@ -283,6 +295,8 @@ pub struct Retro {
     pub solid_angle_sr: f64,
     /// Half the angle of a round cone of that solid angle, degrees.
     pub cone_half_angle_deg: f64,
+    /// Spread of the directions into the stop.
+    pub cone_spread: ConeSpread,
     /// Uncertainties that all angles have in common.
     pub scale: Scale,
     /// The stage's angle at normal incidence, degrees; its standard uncertainty; where it came from.

@@ -4,7 +4,7 @@ use super::readings::{Mean, means};
 use super::{
     AtAngle, Components, Known, Measured, Note, Reference, Retro, RetroError, Row, Scale, Setup,
 };
-use crate::ndf::{NdfOptions, ZeroOrigin, extract};
+use crate::ndf::{NdfOptions, ZeroOrigin, extract, zero_by_law};
 use crate::table::{Reading, RetroFlags, RetroTable};
 
 /// Light below so many standard deviations is none that was seen.
@@ -97,6 +97,7 @@ pub fn reduce(measured: &Measured, setup: &Setup) -> Result<Retro, RetroError> {
         wavelength_nm: setup.wavelength_nm,
         solid_angle_sr,
         cone_half_angle_deg: stop.cone_half_angle_deg(),
+        cone_spread: stop.spread(),
         scale,
         zero,
         incident: incident.iter().map(|i| (i.time_s, i.power_w, i.sigma_w)).collect(),
@@ -253,8 +254,16 @@ fn mean_relative(incident: &[Incident]) -> f64 {
     square.sqrt() / incident.len() as f64
 }
 
-/// The incident power at a time, W, and the relative standard uncertainty of what the laser did between two readings: that of a random walk which
-/// takes it from one to the other, |Δ| √(x(1−x)). None before the first and after the last.
+/// Standard deviation of the laser's own relative change between two incident readings (power and its standard uncertainty, W): what they differ by beyond their noise.
+pub(crate) fn walk([low, high]: [(f64, f64); 2]) -> f64 {
+    let middle = 0.5 * (low.0 + high.0);
+    let noise = low.1.hypot(high.1) / middle;
+    let change = (high.0 - low.0) / middle;
+    (change * change - noise * noise).max(0.0).sqrt()
+}
+
+/// The incident power at a time, W, and its relative standard uncertainty there: of a random walk from one reading to the other, |Δ| √(x(1−x)), with Δ by [`walk`]; and of the noise of
+/// the incident readings, less that of their mean, which all angles share ([`mean_relative`]). None before the first and after the last.
 fn laser(incident: &[Incident], time_s: f64) -> (f64, Option<f64>) {
     let k = incident.partition_point(|i| i.time_s < time_s);
     let low = &incident[k.saturating_sub(1)];
@@ -265,8 +274,19 @@ fn laser(incident: &[Incident], time_s: f64) -> (f64, Option<f64>) {
     }
     let part = (time_s - low.time_s) / width;
     let power_w = low.power_w + part * (high.power_w - low.power_w);
-    let change = (high.power_w - low.power_w) / power_w;
-    (power_w, Some(change.abs() * (part * (1.0 - part)).max(0.0).sqrt()))
+    let walk = walk([(low.power_w, low.sigma_w), (high.power_w, high.sigma_w)]);
+    let share = 1.0 / incident.len() as f64;
+    let variance = |i: &Incident| (i.sigma_w / i.power_w).powi(2);
+    let tilt = |(j, i): (usize, &Incident)| {
+        let on_line = match j {
+            j if j + 1 == k => 1.0 - part,
+            j if j == k => part,
+            _ => 0.0,
+        };
+        (on_line - share).powi(2) * variance(i)
+    };
+    let noise: f64 = incident.iter().enumerate().map(tilt).sum();
+    (power_w, Some((walk * walk * (part * (1.0 - part)).max(0.0) + noise).sqrt()))
 }
 
 /// The stage's angle at normal incidence. The cosine that f is divided by needs it; it is found from f cosθ, which is even about the normal as f is.
@@ -279,10 +299,6 @@ fn zero(
     if let Some(zero_deg) = setup.zero_deg {
         return (zero_deg, setup.zero_sigma_deg, ZeroOrigin::Given);
     }
-    let mut assumed = |reason: String| {
-        notes.push(Note::ZeroAssumed { reason });
-        (0.0, setup.zero_sigma_deg, ZeroOrigin::Assumed)
-    };
     let options = NdfOptions {
         elevations: Some(32),
         most_offset_deg: setup.most_offset_deg,
@@ -305,15 +321,25 @@ fn zero(
     };
     let readings = sample.iter().zip(raw).map(reading).collect();
     let run = RetroTable { readings, ..RetroTable::default() };
-    match extract(&run, &options) {
+    let reason = match extract(&run, &options) {
         Ok(ndf) => match ndf.profiles.first().map(|profile| profile.zero) {
             Some(zero) if zero.origin == ZeroOrigin::Fitted => {
-                (zero.angle_deg, zero.sigma_deg, ZeroOrigin::Fitted)
+                return (zero.angle_deg, zero.sigma_deg, ZeroOrigin::Fitted);
             }
-            _ => assumed("the readings on both sides of the normal do not decide it".into()),
+            _ => {
+                let shared: Vec<f64> = raw.iter().map(|raw| raw.drift).collect();
+                let zero = zero_by_law(&run, &shared, setup.most_offset_deg);
+                if let Some(zero) = zero.filter(|zero| zero.sigma_deg < setup.zero_sigma_deg) {
+                    notes.push(Note::ZeroByLaw { sigma_deg: zero.sigma_deg });
+                    return (zero.angle_deg, zero.sigma_deg, ZeroOrigin::Law);
+                }
+                "the readings on both sides of the normal do not decide it".into()
+            }
         },
-        Err(error) => assumed(error.to_string()),
-    }
+        Err(error) => error.to_string(),
+    };
+    notes.push(Note::ZeroAssumed { reason });
+    (0.0, setup.zero_sigma_deg, ZeroOrigin::Assumed)
 }
 
 /// The part of the beam that passes beside the sample, and whether that is too much.
@@ -371,6 +397,7 @@ fn rows(
             flags.set(RetroFlags::OUTLIERS, mean.left_out > 0);
             Row {
                 angle_deg: at.angle_deg,
+                time_s: at.time_s,
                 f_per_sr: f[k],
                 components,
                 flags,

@@ -1,6 +1,7 @@
 //! The stop that limits the light to the meter: its solid angle as the sample sees it.
 
 use super::RetroError;
+use crate::table::ConeSpread;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -108,6 +109,22 @@ impl Stop {
             2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
         };
         triangle(a, b, c) + triangle(a, c, d)
+    }
+
+    /// Root mean square angles of the directions into the stop about the beam, seen from the sample; the stop is tilted in the plane of incidence.
+    ///
+    /// A rectangle has a twelfth of the square of its sides, a disc a sixteenth of its diameter's, as the beam sees them. The rest is a part (size/distance)² of that.
+    pub fn spread(&self) -> ConeSpread {
+        let (width, height) = match self.shape {
+            Shape::Rectangle { width_mm, height_mm } => {
+                let root = 12_f64.sqrt();
+                (width_mm / root, height_mm / root)
+            }
+            Shape::Disc { diameter_mm } => (0.25 * diameter_mm, 0.25 * diameter_mm),
+        };
+        let angle_deg = |mm: f64| (mm / self.distance_mm).atan().to_degrees();
+        let along = width * self.tilt_deg.to_radians().cos();
+        ConeSpread { along_deg: angle_deg(along), across_deg: angle_deg(height) }
     }
 
     /// Half the angle of a round cone of the same solid angle, degrees.

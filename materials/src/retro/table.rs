@@ -21,6 +21,7 @@ pub fn to_table(retro: &Retro) -> Table {
     };
     let columns = vec![
         Column::f64("angle_deg", Some("deg"), all(&|r| r.angle_deg)).described("the stage's angle"),
+        Column::f64("time_s", Some("s"), all(&|r| r.time_s)).described("when it was read"),
         sr("f_per_sr", "retro-reflection, mean over the cone", &|r| r.f_per_sr),
         sr("sigma_f_per_sr", "standard uncertainty without what all angles have in common", &|r| {
             r.components.total_per_sr()
@@ -31,7 +32,7 @@ pub fn to_table(retro: &Retro) -> Table {
         sr("sigma_signature_per_sr", "by the scan without a sample", &|r| {
             r.components.signature_per_sr
         }),
-        sr("sigma_drift_per_sr", "by the laser between incident readings", &|r| {
+        sr("sigma_drift_per_sr", "by the laser between incident readings, and their noise", &|r| {
             r.components.drift_per_sr
         }),
         sr("sigma_angle_per_sr", "by the stage's angle and the mount's offset", &|r| {
@@ -59,6 +60,7 @@ fn meta(retro: &Retro) -> Meta {
         ("kind", json!("retro_reflection")),
         ("wavelength_nm", json!(retro.wavelength_nm)),
         ("cone_half_angle_deg", json!(retro.cone_half_angle_deg)),
+        ("cone_spread_deg", json!(retro.cone_spread)),
         ("solid_angle_sr", json!(retro.solid_angle_sr)),
         ("smallest_alpha", json!(smallest_alpha(retro.cone_half_angle_deg))),
         ("scale_sigma", json!(retro.scale.total())),

@@ -84,6 +84,34 @@ fn a_run_from_its_file() {
     }
 }
 
+/// Truth: by hand. What a run states of cone, zero and laser; what makes no sense is refused by its key.
+#[test]
+fn a_run_states_its_rig() {
+    let stated = "retro_reflection, cone_spread_deg: {along_deg: 0.17, across_deg: 0.1}, scale_sigma_by: {incident: 0.003, solid_angle: 0.01}, zero_deg: 0.7, zero_sigma_deg: 0.5, zero_origin: assumed";
+    let text = RUN.replacen("retro_reflection", stated, 1);
+    let run = read(&text).unwrap();
+    let spread = run.cone_spread.unwrap();
+    assert_eq!((spread.along_deg, spread.across_deg, run.cone_sigma), (0.17, 0.1, 0.01));
+    let zero = run.zero.unwrap();
+    assert_eq!((zero.angle_deg, zero.sigma_deg), (0.7, 0.5));
+    assert_eq!(zero.origin, sunglint_materials::ndf::ZeroOrigin::Assumed);
+    // Without times and the laser's part of the uncertainties its readings say nothing.
+    assert_eq!(run.laser, None);
+    let bare = read(RUN).unwrap();
+    assert_eq!((bare.cone_spread, bare.zero, bare.cone_sigma), (None, None, 0.0));
+    for (from, to, words) in [
+        ("across_deg: 0.1", "across_deg: -0.1", "cone_spread_deg: found 0.17 and -0.1"),
+        (", across_deg: 0.1", "", "cone_spread_deg: found {"),
+        ("solid_angle: 0.01", "solid_angle: -0.01", "scale_sigma_by: found -0.01"),
+        ("zero_deg: 0.7", "zero_deg: 97", "zero_deg: found 97"),
+        ("zero_sigma_deg: 0.5", "zero_sigma_deg: -1", "zero_sigma_deg: found -1"),
+        ("assumed", "guessed", "zero_origin: found \"guessed\""),
+    ] {
+        let error = read(&text.replacen(from, to, 1)).unwrap_err();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
 /// Truth: by hand. Without metadata flags go by their names.
 #[test]
 fn a_run_as_plain_columns() {

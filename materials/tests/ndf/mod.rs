@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 mod campaign;
+mod cone;
 mod diffuse;
 mod files;
 mod hard;

@@ -69,7 +69,17 @@ pub fn text(ndf: &Ndf, run: &RetroTable) -> String {
     for p in &ndf.profiles {
         let origin = match p.zero.origin {
             ZeroOrigin::Fitted => format!("± {:.4}° (from both sides)", p.zero.sigma_deg),
+            ZeroOrigin::Law => {
+                format!("± {:.4}° (by a law that meets the readings)", p.zero.sigma_deg)
+            }
+            ZeroOrigin::Given if p.zero.sigma_deg > 0.0 => {
+                format!("± {:.4}° (given)", p.zero.sigma_deg)
+            }
             ZeroOrigin::Given => "(given)".to_owned(),
+            ZeroOrigin::Assumed if p.zero.sigma_deg > 0.0 => format!(
+                "± {:.4}° (the stage's own, as the run states it: not decided by the readings)",
+                p.zero.sigma_deg
+            ),
             ZeroOrigin::Assumed => "(the stage's own: not decided by the readings)".to_owned(),
         };
         let plane = if ndf.is_isotropic() {
@@ -88,8 +98,9 @@ pub fn text(ndf: &Ndf, run: &RetroTable) -> String {
         for (name, fit) in [("Beckmann", p.beckmann), ("GGX", p.ggx)] {
             let _ = writeln!(
                 text,
-                "  {name:<9} α {}, misfit {:.4} (rms of ln f)",
+                "  {name:<9} α {}{}, misfit {:.4} (rms of ln f)",
                 with_sigma(fit.alpha, fit.sigma),
+                fit.seen_alpha.map_or(String::new(), |seen| format!(" (as seen {seen:.5})")),
                 fit.misfit
             );
         }
@@ -104,6 +115,9 @@ pub fn text(ndf: &Ndf, run: &RetroTable) -> String {
             text,
             "the rig's cone of ± {cone:.3}° blurs the half-vector by half of it: no α below {least:.5} is seen"
         );
+    }
+    if ndf.smallest_alpha.is_none() {
+        text.push_str("the run does not state its cone of light (cone_half_angle_deg): every α is that of the lobe as it is seen, or less\n");
     }
     if ndf.resamplings == 0 {
         text.push_str("no uncertainties: those of the readings (sigma_f_per_sr) are not known\n");
@@ -123,6 +137,7 @@ fn tail_name(tail: TailKind) -> &'static str {
 #[derive(Serialize)]
 struct ShapeJson {
     alpha: f64,
+    seen_alpha: Option<f64>,
     sigma: Option<f64>,
     f0: f64,
     misfit: f64,
@@ -182,6 +197,7 @@ struct NdfJson<'a> {
 fn summary(ndf: &Ndf, run: &RetroTable, inputs: &[Input], warnings: &[String], seed: u64) -> Value {
     let fit = |f: &ShapeFit| ShapeJson {
         alpha: rounded(f.alpha),
+        seen_alpha: f.seen_alpha.map(rounded),
         sigma: f.sigma.map(rounded),
         f0: rounded(f.f0),
         misfit: rounded(f.misfit),

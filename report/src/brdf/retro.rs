@@ -115,6 +115,7 @@ pub fn text(retro: &Retro, left: usize) -> String {
     let of = match origin {
         ZeroOrigin::Fitted => "from both sides",
         ZeroOrigin::Given => "given",
+        ZeroOrigin::Law => "by a law",
         ZeroOrigin::Assumed => "not known",
     };
     let _ = writeln!(text, "angles    {}, {left} not measured", retro.rows.len());
