@@ -108,15 +108,16 @@ impl Sampling {
         let air = Spectrum::<Transmission>::constant(1.0, range_nm().0, range_nm().1)?;
         let knots: Vec<f64> = (0..NATIVE).rev().map(native_nm).collect();
         let one = |product: &Product| {
-            let uncovered_nm = product.clone().times(&air).integral().uncovered_nm;
+            let uncovered_nm = product.clone().times(&air).uncovered_nm();
             // Ascending in wavenumber, as the native points are.
-            let mut moments = product.hat_moments(&knots)?;
+            let (before, mut moments) = product.moments(&knots);
             moments.reverse();
+            let after = NATIVE - before - moments.len();
             let value: f64 = moments.iter().sum();
-            Ok((Integral { value, uncovered_nm }, Ok(row_of_moments(&moments, value))))
+            (Integral { value, uncovered_nm }, Ok(row_of_moments(after, &moments, value)))
         };
-        let each: Result<Vec<_>, AirError> = products.par_iter().map(one).collect();
-        let (integrals, rows): (Vec<Integral>, Vec<_>) = each?.into_iter().unzip();
+        let each: Vec<_> = products.par_iter().map(one).collect();
+        let (integrals, rows): (Vec<Integral>, Vec<_>) = each.into_iter().unzip();
         Ok((Self::from_rows(rows.into_iter())?, integrals))
     }
 
@@ -187,8 +188,8 @@ impl Sampling {
     }
 }
 
-/// Centre, first native point and weights of a mean from the moments of all native points and their sum.
-fn row_of_moments(moments: &[f64], sum: f64) -> (f64, usize, Vec<f64>) {
+/// Centre, first native point and weights of a mean from the moments of native points, of which so many come before these, and their sum.
+fn row_of_moments(before: usize, moments: &[f64], sum: f64) -> (f64, usize, Vec<f64>) {
     let lit = |m: &f64| *m > 0.0;
     let (Some(first), Some(last), true) =
         (moments.iter().position(lit), moments.iter().rposition(lit), sum > 0.0)
@@ -198,6 +199,7 @@ fn row_of_moments(moments: &[f64], sum: f64) -> (f64, usize, Vec<f64>) {
         return (native_nm(any), any, vec![1.0]);
     };
     let weights: Vec<f64> = moments[first..=last].iter().map(|m| m / sum).collect();
+    let first = before + first;
     let centre = weights.iter().enumerate().map(|(i, w)| w * native_nm(first + i)).sum();
     (centre, first, weights)
 }

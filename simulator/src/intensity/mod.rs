@@ -13,7 +13,7 @@ pub use pool::{Held, IntensityPool};
 use crate::light::engine::{self, Aspects, Switches};
 use crate::light::{
     Course, DirectionError, EarthAlbedo, Engine, Globe, Lighting, Need, Options, SceneError,
-    Source, Term, View,
+    Source, Stated, Term, View, Way,
 };
 use crate::pass::light_name;
 use crate::pass::material::{DOUBT_TOLERANCE, doubted};
@@ -329,6 +329,8 @@ pub struct Intensities {
     materials: Vec<String>,
     /// τ of each term at each wavelength: `[term * wavelengths + s]`.
     tau: Vec<f64>,
+    /// How the error of each term goes into that of all light.
+    ways: Vec<Way>,
     /// The Sun's irradiance at 1 au at each wavelength, W m⁻² nm⁻¹.
     sun: Vec<f64>,
     /// Terms whose weight says that geometries were not measured.
@@ -396,7 +398,8 @@ impl Intensities {
         let marks = terms.filter(|(_, term)| is_uncovered(term.spectrum.range_nm()));
         let uncovered = marks.map(|(k, _)| k).collect();
         let doubted = Vec::new();
-        Ok(Self { engine, options, materials, tau, sun, uncovered, doubted })
+        let ways = engine.terms().iter().map(Term::way).collect();
+        Ok(Self { engine, options, materials, tau, ways, sun, uncovered, doubted })
     }
 
     /// Returns the target's needs, effect by effect. The Earth's shadow is none of them: the body is in full sunlight.
@@ -490,8 +493,11 @@ impl IntensityWorker<'_> {
         let (all, count) = (self.all, self.all.sun.len());
         let tau = |k: usize| all.tau[k * count + s];
         let light = (0..all.engine.lit_terms()).map(|k| tau(k) * self.weights[k]).sum();
-        let error = (0..all.engine.terms().len()).map(|k| tau(k).abs() * self.errors[k]).sum();
-        (light, error)
+        let mut stated = Stated::default();
+        for ((k, way), error) in all.ways.iter().enumerate().zip(&self.errors) {
+            stated.add(*way, tau(k).abs() * error);
+        }
+        (light, stated.total())
     }
 
     /// Whether the error of some light is as small as was asked for.
@@ -529,7 +535,7 @@ impl IntensityWorker<'_> {
     }
 
     /// The light at one of the wavelengths by the material that sent it, written to two rows of one number for each material and one more, for light that went by several:
-    /// over the Sun's irradiance, m² sr⁻¹, and its stated error. Their sums are what [`IntensityWorker::light_into`] gives.
+    /// over the Sun's irradiance, m² sr⁻¹, and its stated error. The sum of the first is what [`IntensityWorker::light_into`] gives, that of the errors no less than its.
     ///
     /// # Errors
     /// Those of [`IntensityWorker::light`]; rows of another length.

@@ -5,8 +5,8 @@
 //! the light went through. Singly scattered light has the materials' ρ_k as terms; what does not separate (many bounces, the tint of
 //! an eclipse) takes spectra of its own: products of ρ_k, or hat functions over a grid of wavelengths.
 //!
-//! Every part says with each weight how far it may be off, as an absolute error of the same unit: errors add up over terms just as
-//! weights do, so each channel and bin has its own.
+//! Every part says with each weight how far it may be off, as an absolute error of the same unit. Each channel and bin has an error of its own: those of one way of the light
+//! add up over terms just as weights do, and ways that err for reasons of their own add as squares ([`Stated`]).
 
 use super::View;
 use crate::surface::MaterialError;
@@ -81,6 +81,60 @@ impl Term {
     /// Whether the light has been on several materials, the Sun's or the Earth's: it belongs to no single one.
     pub fn is_of_several(&self) -> bool {
         self.source == Source::Bounce || self.material.is_none()
+    }
+}
+
+/// Stated error of light that came by several ways.
+///
+/// Errors of the terms of one way are added: they err alike. The errors of direct light, and what is left out, are limits, and are added to all else. Light of the Sun between surfaces, light of
+/// the Earth between surfaces and light of the Earth that is scattered once are found apart: by patches and rays, by other patches under a few directions, by a
+/// rule over the Earth's lit cap. For errors that know nothing of each other, each within its bound in as many cases as that promises, the root of the sum of squares holds as often; the
+/// sum would be reached only where all are at their bounds and have one sign.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stated {
+    limits: f64,
+    ways: [f64; 3],
+}
+
+impl Stated {
+    /// Adds the error of a term, not below 0.
+    pub fn add(&mut self, way: Way, error: f64) {
+        match way {
+            Way::Limit => self.limits += error,
+            Way::Between => self.ways[0] += error,
+            Way::EarthBetween => self.ways[1] += error,
+            Way::Earthshine => self.ways[2] += error,
+        }
+    }
+
+    /// Returns the error of all of it.
+    pub fn total(&self) -> f64 {
+        self.limits + self.ways.iter().map(|e| e * e).sum::<f64>().sqrt()
+    }
+}
+
+/// How a term's error goes into [`Stated`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Added to all others.
+    Limit,
+    /// Light of the Sun between surfaces.
+    Between,
+    /// Light of the Earth between surfaces.
+    EarthBetween,
+    /// Light of the Earth that is scattered once.
+    Earthshine,
+}
+
+impl Term {
+    /// How its error goes into that of all light.
+    pub fn way(&self) -> Way {
+        match (self.source, self.material) {
+            (Source::Bounce, _) => Way::Between,
+            (Source::Earthshine, None) => Way::EarthBetween,
+            (Source::Earthshine, Some(_)) => Way::Earthshine,
+            (Source::Direct | Source::Moonshine | Source::Unknown, _) => Way::Limit,
+        }
     }
 }
 
@@ -193,5 +247,29 @@ impl Term {
             Ok(Self { source, material: Some(number), spectrum })
         };
         material.spectra().iter().map(term).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand. Limits are added, errors of one way are added, those of three ways as squares: 1 + 0.5 + √((1 + 1)² + 3² + 6²) = 8.5.
+    #[test]
+    fn ways_that_err_apart_are_added_as_squares() {
+        let mut stated = Stated::default();
+        let all = [
+            (Source::Direct, Some(0), 1.0),
+            (Source::Bounce, None, 1.0),
+            (Source::Bounce, None, 1.0),
+            (Source::Earthshine, None, 3.0),
+            (Source::Earthshine, Some(0), 6.0),
+            (Source::Unknown, Some(0), 0.5),
+        ];
+        for (source, material, error) in all {
+            let spectrum = Spectrum::constant(1.0, 300.0, 900.0).unwrap();
+            stated.add(Term { source, material, spectrum }.way(), error);
+        }
+        assert!((stated.total() - 8.5).abs() < 1e-15, "{stated:?}");
     }
 }

@@ -60,7 +60,7 @@ pub use bounce::Analyser;
 pub use derivative::{Derivation, DerivativeError, Method, Parameter, Roughness};
 pub use disc::SunOptions;
 pub use earth::EarthAlbedo;
-pub use effect::{Effect, Globe, Lighting, Need, Source, Term, concerns, percent};
+pub use effect::{Effect, Globe, Lighting, Need, Source, Stated, Term, Way, concerns, percent};
 pub use engine::{Course, Engine, Options};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use exposed::Exposed;

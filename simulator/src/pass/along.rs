@@ -2,8 +2,8 @@
 //! computed at some of them (*nodes*) and interpolated in time between, by a cubic through the two nodes on either side. Direct light is computed at every epoch.
 //!
 //! Nodes begin as dense as the body turns (a lobe must not fall between two), and at the edges of the Earth's shadow. Then every interval is computed in its middle: where that is off
-//! the cubic by more than three tenths of the tolerance of all light, or the interval beside it is, it falls in two. A middle that was computed is a node in either case, so what is left is mostly less
-//! than what was seen: a half of it where the light has a kink, a sixteenth where it is smooth. What was seen is added to the stated error.
+//! the cubic by more than half of the tolerance of all light, or the interval beside it is, it falls in two. A middle that was computed is a node in either case, so what is left is mostly less
+//! than what was seen: a half of it where the light has a kink, a sixteenth where it is smooth. What was seen is in the stated error: it is added to that of the nodes as squares are, since sizes of patches and rays know nothing of time.
 //!
 //! Each way of the light has nodes of its own: what lobes bounce needs many, what the wide Earth sends needs few and costs more.
 //!
@@ -30,7 +30,7 @@ const TURN_RAD: f64 = 0.2;
 /// The same where light between surfaces has lobes, or the Moon shines: a share of the narrowest lobe's α. Half of that, with the middle, is in a half vector a quarter of α.
 const OF_LOBE: f64 = 1.0;
 /// Share of the tolerance of all light that the cubics of all ways may be off in the middle.
-const OF_TOLERANCE: f64 = 0.3;
+const OF_TOLERANCE: f64 = 0.5;
 /// Share of the light's own stated error that it may be off as well: light paths are drawn, and need be no smoother than they are known.
 const OF_STATED: f64 = 0.25;
 /// A node farther than this many times the interval is no support of its cubic.
@@ -173,7 +173,10 @@ impl Nodes {
             errors.iter_mut().zip(&self.rows[n].1).for_each(|(e, r)| *e += part * r);
         }
         if let Some(off) = self.of_interval[interval] {
-            errors.iter_mut().zip(&self.off[off]).for_each(|(e, off)| *e += off);
+            errors
+                .iter_mut()
+                .zip(&self.off[off])
+                .for_each(|(e, off)| *e = (*e * *e + off * off).sqrt());
         }
     }
 }
@@ -384,7 +387,7 @@ mod tests {
         PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap()
     }
 
-    /// Truth: the same engine at every epoch. Promise: in 99 % of epochs, channels and bands interpolation errs by no more than what is wanted of a middle, three tenths of the tolerance of all light or a quarter of
+    /// Truth: the same engine at every epoch. Promise: in 99 % of epochs, channels and bands interpolation errs by no more than what is wanted of a middle, half of the tolerance of all light or a quarter of
     /// the light's own stated error; and nowhere by more than half of what is stated in all. Scenes: lobes, a turn in twenty seconds, a corner, balls, the Earth's shadow.
     #[test]
     fn light_between_nodes_is_within_its_error() {

@@ -3,7 +3,7 @@
 use super::functionals::Functionals;
 use super::simulate::Place;
 use super::{BANDS, Pass, PassError};
-use crate::light::Source;
+use crate::light::{Source, Stated};
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::station::Predicted;
 
@@ -158,15 +158,15 @@ impl Pass {
 
 /// Spectral intensities of all bins, and their errors.
 fn bins(functionals: &Functionals, light: Light<'_>, per_au: f64) -> (Vec<f64>, Vec<f32>) {
-    let bin = |row: &[f64]| {
-        let (mut sum, mut error) = (0.0, 0.0);
-        for ((mean, weight), weight_error) in row.iter().zip(light.weights).zip(light.errors) {
-            sum += mean * weight;
-            error += mean.abs() * weight_error;
+    let bin = |row: &Vec<(usize, f64)>| {
+        let (mut sum, mut stated) = (0.0, Stated::default());
+        for (k, mean) in row {
+            sum += mean * light.weights[*k];
+            stated.add(functionals.ways[*k], mean.abs() * light.errors[*k]);
         }
-        (per_au * sum, (per_au * error) as f32)
+        (per_au * sum, (per_au * stated.total()) as f32)
     };
-    functionals.spectral.chunks_exact(light.weights.len().max(1)).map(bin).unzip()
+    functionals.spectral.iter().map(bin).unzip()
 }
 
 /// The part of the light that the air leaves; all of it where there is no light that would say so.

@@ -8,7 +8,7 @@
 //! Where nothing is averaged, the middle is held against the mean ([`Simulation::smear`]) by the same points: from the turn on in which the body's narrowest glint changes by about the tolerance.
 
 use super::counts::Counts;
-use super::simulate::{Place, Progress, Way};
+use super::simulate::{Lit, Place, Progress, Way};
 use super::{Pass, PassError, Ready, Simulation};
 use crate::light::Source;
 use crate::light::engine::{Switch, Switches};
@@ -321,19 +321,27 @@ impl Ready<'_> {
         (self.engine.glint_rad().to_degrees() * self.pass.tolerance.sqrt()).min(TURN_DEG)
     }
 
-    /// [`Simulation::smear`] of places that follow one another in the pass, the first of them at an epoch, with their counts.
+    /// Light above the air that is straight from the Sun, of a place with its weights.
+    fn straight(&self, place: &Place, weights: &[f64]) -> Vec<f64> {
+        let terms = self.engine.terms().iter().zip(weights);
+        let own = terms.map(|(t, w)| if t.source == Source::Direct { *w } else { 0.0 });
+        self.pass.above_air(place, &own.collect::<Vec<_>>(), &self.functionals)
+    }
+
+    /// [`Simulation::smear`] of places that follow one another in the pass, the first of them at an epoch, with their light and counts.
     pub(super) fn smear(
         &self,
         way: &Way<'_>,
         places: &[Place],
+        lit: &[Lit],
         counts: &[Counts],
         first: usize,
     ) -> Vec<f64> {
         let least_deg = self.least_turn_deg();
         let piece_deg = (PIECE_WIDTHS * self.engine.glint_rad().to_degrees()).min(PIECE_DEG);
-        let all = places.par_iter().zip(counts).enumerate().map_init(
+        let all = places.par_iter().zip(lit).zip(counts).enumerate().map_init(
             || self.eye(),
-            |eye, (k, (place, counts))| {
+            |eye, (k, ((place, (weights, _)), counts))| {
                 if place.hidden {
                     return 0.0;
                 }
@@ -354,8 +362,9 @@ impl Ready<'_> {
                     let (weights, _) = eye.weigh_some(at, &|s| s == Source::Direct).ok()?;
                     Some(self.pass.above_air(at, &weights, &self.functionals))
                 };
-                let Some([first, middle, last]) = direct(&before)
-                    .and_then(|first| Some([first, direct(place)?, direct(&after)?]))
+                let middle = self.straight(place, weights);
+                let Some([first, last]) =
+                    direct(&before).and_then(|first| Some([first, direct(&after)?]))
                 else {
                     return 0.0;
                 };

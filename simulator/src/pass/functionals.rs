@@ -1,8 +1,9 @@
 //! The integrals over wavelength that a pass needs, taken once: all that is left for an epoch are sums over the terms of its light.
 
 use super::{BANDS, Pass, PassError, SpectralQuantity};
-use crate::light::{Source, Term};
+use crate::light::{Source, Stated, Term, Way};
 use rayon::prelude::*;
+use std::ops::Range;
 use sunglint_radiometry::air::{AirError, AirTable, Sampling, Zenith};
 use sunglint_radiometry::constants::HC_J_NM;
 use sunglint_radiometry::passband::{Passband, Weighting};
@@ -70,17 +71,19 @@ fn one_sign(spectrum: &Spectrum<Factor>, sign: f64) -> Result<Spectrum<Factor>, 
 /// Function that multiplies the light by something.
 type With<'b> = Box<dyn Fn(Product<'b>) -> Product<'b> + 'b>;
 
-/// A set of products p_ik of E τ_k with something i, and their integrals with and without the air.
+/// A set of products p_ik of E τ_k with something i, and their integrals with and without the air: those that have any light, which of many narrow terms are few.
 pub(super) struct Set {
-    /// Columns that have light.
-    k: usize,
-    /// The term of each column, and its sign.
+    /// Where the products of each i end, of those that are kept.
+    ends: Vec<usize>,
+    /// The term of each product, and its sign.
     of: Vec<(usize, f64)>,
     /// Terms that have light.
     lit: usize,
+    /// How the errors of these go into that of all light.
+    ways: Vec<Way>,
     /// Terms that have errors alone.
     unlit: usize,
-    /// ∫ p_ik dλ over everything, `[i * k + j]`.
+    /// ∫ p_ik dλ over everything.
     above: Vec<f64>,
     /// The same of the terms that have errors alone, `[i * unlit + j]`.
     unknown: Vec<f64>,
@@ -108,11 +111,28 @@ impl Set {
             };
             unknown.extend(columns.unlit().map(value));
         }
-        let above: Vec<Integral> = products.par_iter().map(Product::integral).collect();
+        let all: Vec<Integral> = products.par_iter().map(Product::integral).collect();
+        let has_light = |i: &Integral| i.value != 0.0 || i.uncovered_nm != 0.0;
+        // The air is asked for zenith angles even where nothing shines.
+        let none = !all.iter().any(has_light);
+        let (mut ends, mut of, mut above, mut kept) =
+            <(Vec<usize>, Vec<_>, Vec<_>, Vec<_>)>::default();
+        for (k, (product, integral)) in products.into_iter().zip(all).enumerate() {
+            if has_light(&integral) || (none && k == 0) {
+                of.push(columns.of[k % columns.spectra.len()]);
+                above.push(integral);
+                kept.push(product);
+            }
+            if (k + 1).is_multiple_of(columns.spectra.len()) {
+                ends.push(kept.len());
+            }
+        }
+        ends.resize(with.len(), kept.len());
         let mut set = Self {
-            k: columns.spectra.len(),
-            of: columns.of.clone(),
+            ends,
+            of,
             lit: columns.lit,
+            ways: columns.terms[..columns.lit].iter().map(Term::way).collect(),
             unlit: columns.terms.len() - columns.lit,
             through: above.iter().map(|i| i.value).collect(),
             uncovered_nm: above.iter().map(|i| i.uncovered_nm).collect(),
@@ -120,8 +140,8 @@ impl Set {
             unknown,
             air: None,
         };
-        if let (Some(air), false) = (&pass.air, products.is_empty()) {
-            let (sampling, integrals) = Sampling::weighted(&products)?;
+        if let (Some(air), false) = (&pass.air, kept.is_empty()) {
+            let (sampling, integrals) = Sampling::weighted(&kept)?;
             set.through = integrals.iter().map(|i| i.value).collect();
             set.uncovered_nm = integrals.iter().map(|i| i.uncovered_nm).collect();
             set.air = Some(AirTable::new(air, &sampling, pass.air_tolerance)?);
@@ -132,10 +152,10 @@ impl Set {
     /// Multiplies what each term has in `i`.
     fn scale(&mut self, factor: &dyn Fn(usize, usize) -> f64) {
         for i in 0..self.len() {
-            for j in 0..self.k {
+            for j in self.range(i) {
                 let by = factor(i, self.of[j].0);
-                self.above[i * self.k + j] *= by;
-                self.through[i * self.k + j] *= by;
+                self.above[j] *= by;
+                self.through[j] *= by;
             }
             for j in 0..self.unlit {
                 self.unknown[i * self.unlit + j] *= factor(i, self.lit + j);
@@ -144,17 +164,39 @@ impl Set {
     }
 
     pub fn len(&self) -> usize {
-        self.above.len() / self.k.max(1)
+        self.ends.len()
     }
 
-    fn row<'a>(&self, table: &'a [f64], i: usize) -> &'a [f64] {
-        &table[i * self.k..(i + 1) * self.k]
+    /// The products of `i`.
+    fn range(&self, i: usize) -> Range<usize> {
+        let first = if i == 0 { 0 } else { self.ends[i - 1] };
+        first..self.ends[i]
+    }
+
+    /// Numbers of the products of `i`, each with its term and sign.
+    fn row<'a>(
+        &'a self,
+        table: &'a [f64],
+        i: usize,
+    ) -> impl Iterator<Item = (&'a f64, &'a (usize, f64))> {
+        let range = self.range(i);
+        table[range.clone()].iter().zip(&self.of[range])
+    }
+
+    /// The same of what goes through the air, with the transmissions of a zenith angle.
+    fn row_below<'a>(
+        &'a self,
+        transmissions: &'a [f64],
+        i: usize,
+    ) -> impl Iterator<Item = ((&'a f64, &'a f64), &'a (usize, f64))> {
+        let range = self.range(i);
+        let row = self.through[range.clone()].iter().zip(&transmissions[range.clone()]);
+        row.zip(&self.of[range])
     }
 
     /// Σ_k W_k ∫ p_ik dλ, no air.
     pub fn above(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = self.row(&self.above, i).iter().zip(&self.of);
-        row.map(|(p, (k, sign))| sign * weights[*k] * p).sum()
+        self.row(&self.above, i).map(|(p, (k, sign))| sign * weights[*k] * p).sum()
     }
 
     /// Fills `row` with the mean transmissions of all products; without air they are 1.
@@ -169,7 +211,7 @@ impl Set {
 
     /// Σ_k W_k ∫ p_ik T dλ, with the transmissions of a zenith angle.
     pub fn below(&self, i: usize, weights: &[f64], transmissions: &[f64]) -> f64 {
-        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
+        let row = self.row_below(transmissions, i);
         row.map(|((p, t), (k, sign))| sign * weights[*k] * p * t).sum()
     }
 
@@ -181,27 +223,29 @@ impl Set {
         transmissions: &[f64],
         terms: &mut [f64],
     ) {
-        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
+        let row = self.row_below(transmissions, i);
         row.for_each(|((p, t), (k, sign))| terms[*k] += sign * weights[*k] * p * t);
     }
 
     /// Adds to each term's number what it has in [`Set::above`].
     pub fn add_terms_above(&self, i: usize, weights: &[f64], terms: &mut [f64]) {
-        let row = self.row(&self.above, i).iter().zip(&self.of);
+        let row = self.row(&self.above, i);
         row.for_each(|(p, (k, sign))| terms[*k] += sign * weights[*k] * p);
     }
 
     /// Returns the error of [`Set::below`] through the interpolation over the zenith angle.
     pub fn air_error(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = self.row(&self.through, i).iter().zip(&self.of);
+        let row = self.row(&self.through, i);
         let sum: f64 = row.map(|(p, (k, _))| (weights[*k] * p).abs()).sum();
         sum * self.interpolation_error()
     }
 
     /// Returns the error of [`Set::above`] through the errors of the weights.
     pub fn error_above(&self, i: usize, errors: &[f64]) -> f64 {
-        let row = self.row(&self.above, i).iter().zip(&self.of);
-        row.map(|(p, (k, _))| errors[*k] * p.abs()).sum::<f64>() + self.unknown(i, errors)
+        let mut stated = Stated::default();
+        let row = self.row(&self.above, i);
+        row.for_each(|(p, (k, _))| stated.add(self.ways[*k], errors[*k] * p.abs()));
+        stated.total() + self.unknown(i, errors)
     }
 
     /// Returns the error of [`Set::below`] through the errors of the weights. What is unknown goes through the air as the light does:
@@ -213,9 +257,10 @@ impl Set {
         transmissions: &[f64],
         transmitted: f64,
     ) -> f64 {
-        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
-        let known: f64 = row.map(|((p, t), (k, _))| errors[*k] * (p * t).abs()).sum();
-        known + transmitted * self.unknown(i, errors)
+        let mut stated = Stated::default();
+        let row = self.row_below(transmissions, i);
+        row.for_each(|((p, t), (k, _))| stated.add(self.ways[*k], errors[*k] * (p * t).abs()));
+        stated.total() + transmitted * self.unknown(i, errors)
     }
 
     fn unknown(&self, i: usize, errors: &[f64]) -> f64 {
@@ -243,7 +288,7 @@ impl Set {
 
     /// Width (nm) of i that no table covers, for the terms that shine.
     pub fn uncovered(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = self.row(&self.uncovered_nm, i).iter().zip(&self.of);
+        let row = self.row(&self.uncovered_nm, i);
         row.filter(|(_, (k, _))| weights[*k] != 0.0).fold(0.0, |most, (u, _)| u.max(most))
     }
 }
@@ -260,14 +305,16 @@ fn straight(zenith_deg: f64) -> Result<f64, AirError> {
 pub(super) struct Functionals {
     /// Channels (Hz m² per weight, to be divided by r² and d²), then bands (fluxes over that of magnitude 0).
     pub sums: Set,
-    /// Bin means of E τ_k, W m⁻² nm⁻¹, of all terms: `[bin * terms + k]`.
-    pub spectral: Vec<f64>,
+    /// Bin means of E τ_k, W m⁻² nm⁻¹: for each bin those of the terms that have light there, by their numbers.
+    pub spectral: Vec<Vec<(usize, f64)>>,
     /// Bins that a table does not cover, by term.
     pub spectral_uncovered: Vec<bool>,
     /// The same through the air, where the spectra are at the telescope.
     pub at_telescope: Option<Set>,
     /// Which way the light of each term came.
     sources: Vec<Source>,
+    /// How the error of each term goes into that of all light.
+    pub ways: Vec<Way>,
 }
 
 impl Functionals {
@@ -297,14 +344,16 @@ impl Functionals {
         let mut sums = Set::new(pass, &columns, &with)?;
 
         let (bins, k) = (pass.bins(), terms.len());
-        let mut spectral = vec![0.0; bins * k];
+        let mut spectral = vec![Vec::new(); bins];
         let mut spectral_uncovered = vec![false; k];
         for (j, term) in terms.iter().enumerate() {
             let integrals = Product::of(&pass.sun).times(&term.spectrum).bins(&pass.edges_nm)?;
             for (bin, (integral, edge)) in
                 integrals.iter().zip(pass.edges_nm.windows(2)).enumerate()
             {
-                spectral[bin * k + j] = integral.value / (edge[1] - edge[0]);
+                if integral.value != 0.0 {
+                    spectral[bin].push((j, integral.value / (edge[1] - edge[0])));
+                }
                 spectral_uncovered[j] |= !integral.is_covered();
             }
         }
@@ -330,15 +379,14 @@ impl Functionals {
             sums.scale(&|i, k| correction.factor(&terms[k], &pass.target, named(i)));
             let grey: Vec<f64> =
                 terms.iter().map(|t| correction.factor(t, &pass.target, None)).collect();
-            spectral.chunks_exact_mut(k.max(1)).for_each(|row| {
-                row.iter_mut().zip(&grey).for_each(|(v, factor)| *v *= factor);
-            });
+            spectral.iter_mut().flatten().for_each(|(k, mean)| *mean *= grey[*k]);
             if let Some(set) = &mut at_telescope {
                 set.scale(&|_, k| grey[k]);
             }
         }
         let sources = terms.iter().map(|t| t.source).collect();
-        Ok(Self { sums, spectral, spectral_uncovered, at_telescope, sources })
+        let ways = terms.iter().map(Term::way).collect();
+        Ok(Self { sums, spectral, spectral_uncovered, at_telescope, sources, ways })
     }
 
     /// The way of the light that has most of the error of channel (or band) `i`; none without errors.
@@ -349,7 +397,7 @@ impl Functionals {
             None => all.push((source, error)),
         };
         let set = &self.sums;
-        for (p, (k, _)) in set.row(&set.above, i).iter().zip(&set.of) {
+        for (p, (k, _)) in set.row(&set.above, i) {
             add(self.sources[*k], errors[*k] * p.abs());
         }
         add(Source::Unknown, set.unknown(i, errors));

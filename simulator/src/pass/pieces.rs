@@ -1,7 +1,7 @@
 //! A pass in pieces: more epochs than memory holds results of.
 //!
 //! What the epochs of a pass share is found first, in one walk over all of them: frames, the scene's needs, the tables, the light between surfaces and from the Earth. Of each
-//! epoch some hundred bytes are kept for that. Then piece after piece is computed and given away. Where everything stands is computed twice, which costs microseconds an epoch; a pass of one piece is walked once.
+//! epoch some hundred bytes are kept for that. Then piece after piece is computed and given away. Where everything stands is kept of passes of one piece and of no more than [`MOST_KEPT`] epochs; of longer ones it is computed again where it is asked for, some 15 µs an epoch.
 
 use super::along::{Along, Sketch};
 use super::explain::Survey;
@@ -11,6 +11,9 @@ use super::{MaterialDoubt, Pass, PassError, Polarisation, Ready};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Passes of no more epochs keep where everything stands, 10 MB at most.
+const MOST_KEPT: usize = 1 << 14;
 
 /// A piece of a pass, simulated, and what was asked for beside it.
 #[derive(Debug, Clone)]
@@ -34,7 +37,7 @@ pub struct Extras {
 
 impl Pass {
     /// Simulates the pass in pieces of so many epochs (the last may have fewer), in the order of its times, and gives each of them to `each`: to the bit what [`Pass::simulate`] has for
-    /// these epochs, whatever the size of the pieces. The memory that it takes grows by about 130 bytes an epoch, beside one piece (some 10 kB an epoch) and the light at the nodes.
+    /// these epochs, whatever the size of the pieces. The memory that it takes grows by about 130 bytes an epoch (600 in passes of 16,384 epochs and fewer), beside one piece (some 10 kB an epoch) and the light at the nodes.
     ///
     /// The pass of a piece ([`Simulation::pass`]) has the times, exposures and observations of the piece. Its [`Simulation::bounds`] are those of the piece, but for the air's
     /// table and the number of nodes. Returns the bounds of all pieces.
@@ -94,14 +97,16 @@ impl Pass {
         let way = self.way()?;
         let mut survey = Survey::new(self);
         let mut sketches = Vec::with_capacity(of);
-        let mut kept = None;
+        let mut kept = Vec::new();
         for piece in pieces() {
             let places = way.places(piece, &|| tick(0, Stage::Places))?;
             places.iter().for_each(|place| survey.add(place));
             sketches.extend(places.iter().map(Sketch::of));
-            // A pass of one piece is walked once.
-            kept = (places.len() == of).then_some(places);
+            if of <= MOST_KEPT || places.len() == of {
+                kept.extend(places);
+            }
         }
+        let place = |i: usize| kept.get(i).map_or_else(|| way.place(i), |place| Ok(*place));
         tell(Stage::Tables, 0);
         let course = survey.course();
         let ready = self.ready_for(&course)?;
@@ -125,12 +130,11 @@ impl Pass {
             }
         };
         tell(Stage::Light, 0);
-        let along = Along::new(&ready, &sketches, &|i| way.place(i), &|| tick(1, Stage::Light))?;
+        let along = Along::new(&ready, &sketches, &place, &|| tick(1, Stage::Light))?;
         let between = match parts.as_ref().and_then(|(_, _, between, _)| between.as_ref()) {
             None => None,
             Some(between) => between.map(
                 |ready| {
-                    let place = |i| way.place(i);
                     let along = Along::new(ready, &sketches, &place, &|| ())?;
                     Ok::<_, PassError>((ready, along))
                 },
@@ -149,8 +153,8 @@ impl Pass {
             part.observations =
                 self.observations.get(piece.clone()).map(<[_]>::to_vec).unwrap_or_default();
             tell(Stage::Light, piece.start);
-            let mut places = match kept.take() {
-                Some(places) => places,
+            let mut places = match kept.get(piece.clone()) {
+                Some(places) => places.to_vec(),
                 None => way.places(piece.clone(), &|| ())?,
             };
             let doubt = doubted.iter().map(|(name, ready)| {
@@ -190,7 +194,7 @@ impl Pass {
                 light_relative: all.light_relative.max(bounds.light_relative),
                 ..bounds
             }));
-            let smear = ready.smear(&around, &places, &counts, piece.start);
+            let smear = ready.smear(&around, &places, &lit, &counts, piece.start);
             let simulation = part.gathered(object.clone(), places, &lit, counts, bounds, &ready);
             let simulation = Simulation { smear, ..simulation };
             drop(lit);

@@ -235,7 +235,7 @@ impl Pass {
         let counts = ready.counted(&places, &lit, &self.exposure_s, &|| tick(Stage::Counts))?;
         let bounds = ready.bounds(along.as_ref(), of, &lit, &counts);
         let smear = match exposures {
-            true => ready.smear(&self.way_around()?, &places, &counts, 0),
+            true => ready.smear(&self.way_around()?, &places, &lit, &counts, 0),
             false => vec![0.0; of],
         };
         let simulation = Simulation {

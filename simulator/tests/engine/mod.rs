@@ -11,7 +11,9 @@ use glam::DVec3;
 use scenes::scene;
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::engine::{Switch, Switches};
-use sunglint_simulator::light::{Course, Engine, Globe, Lighting, Need, Options, Source, View};
+use sunglint_simulator::light::{
+    Course, Engine, Globe, Lighting, Need, Options, Source, Stated, View,
+};
 use sunglint_simulator::mesh::Mesh;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::{Shape, Target};
@@ -214,12 +216,14 @@ fn found(random: &scenes::RandomScene, switches: Switches, paths: usize, seed: u
     let earth = random.earth.or(none.earth);
     let lighting = Lighting { view: random.view, earth, ..none };
     engine.worker().light(&lighting, &mut weights, &mut errors).unwrap();
-    let at = |row: &[f64]| -> f64 {
-        let tau = engine.terms().iter().map(|t| t.spectrum.at(550.0));
-        tau.zip(row).map(|(tau, w)| tau * w).sum()
-    };
+    let (mut light, mut stated) = (0.0, Stated::default());
+    for (term, (weight, error)) in engine.terms().iter().zip(weights.iter().zip(&errors)) {
+        let tau = term.spectrum.at(550.0);
+        light += tau * weight;
+        stated.add(term.way(), tau.abs() * error);
+    }
     let (truth, sigma) = Tracer::new(random).intensity(paths, seed);
-    [at(&weights), at(&errors), truth, sigma]
+    [light, stated.total(), truth, sigma]
 }
 
 /// Truth: the path tracer. A white sphere in front of a white plate and as large as it: facets alone see nothing of each other, but sphere and plate do. What is stated covers the

@@ -27,6 +27,10 @@ pub struct Hit {
     pub front: bool,
 }
 
+/// Beginning of a ray inside of a closed body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Inside;
+
 #[derive(Debug, Clone, Copy)]
 struct Node {
     low: DVec3,
@@ -162,16 +166,23 @@ impl Caster {
         blocked
     }
 
-    /// Whether a ray leaves more closed bodies than it enters: it began inside of one.
-    pub fn is_inside(&self, ray: &Ray, closed: impl Fn(usize) -> bool) -> bool {
-        let mut left = 0_i64;
+    /// Returns what [`Caster::first`] does, unless the ray leaves more closed bodies than it enters: then it began inside of one, and there is [`Inside`].
+    pub fn first_outside(
+        &self,
+        ray: &Ray,
+        closed: impl Fn(usize) -> bool,
+    ) -> Result<Option<Hit>, Inside> {
+        let (mut left, mut found) = (0_i64, None::<Hit>);
         self.walk(ray, |hit| {
             if closed(hit.surface) {
                 left += if hit.front { -1 } else { 1 };
             }
+            if found.is_none_or(|f| hit.distance < f.distance) {
+                found = Some(hit);
+            }
             f64::INFINITY
         });
-        left > 0
+        if left > 0 { Err(Inside) } else { Ok(found) }
     }
 
     /// Looks at all that may be met; `see` says up to which distance more is wanted.
@@ -294,6 +305,8 @@ mod tests {
                 let found = caster.first(&ray);
                 assert_eq!(found.map(|h| h.distance), all.map(|h| h.distance), "{name} {k}");
                 assert_eq!(caster.is_blocked(&ray, f64::INFINITY), all.is_some(), "{name} {k}");
+                let outside = caster.first_outside(&ray, |_| false).unwrap();
+                assert_eq!(outside.map(|h| h.distance), all.map(|h| h.distance), "{name} {k}");
             }
         }
     }

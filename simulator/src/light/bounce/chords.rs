@@ -183,13 +183,12 @@ impl Chords {
                 let from = surface.point(leaves);
                 let along = body(surface, *along);
                 let ray = Ray { from, along, leaves: sheet.surface };
-                if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
+                let Ok(hit) = caster.first_outside(&ray, |k| !surfaces.list[k].sheet) else {
                     buried += 1;
                     continue;
-                }
-                let Some((q, number, at)) = patches.met(surfaces, caster, of_surface, &ray) else {
-                    continue;
                 };
+                let met = hit.and_then(|hit| patches.met_by(surfaces, of_surface, &ray, hit));
+                let Some((q, number, at)) = met else { continue };
                 let rough = usize::from(q >= patches.diffuse[0]);
                 let other = &surfaces.list[number];
                 let at = local(other, at - other.origin);

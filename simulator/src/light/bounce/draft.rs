@@ -45,8 +45,10 @@ pub struct Draft<'a> {
 }
 
 /// Errors over all pairs of directions, relative to all light: roots of the mean squares.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Look {
+    /// The light of all pairs; none where light is never lost.
+    found: Vec<Found>,
     /// Change of the light with patches of twice the size.
     pub coarseness: f64,
     /// The claimed error of form factors, and of the directions of rough surfaces.
@@ -179,36 +181,38 @@ impl<'a> Draft<'a> {
     /// Looks at all pairs that count.
     pub fn look(&self, pilot: &Pilot) -> Look {
         let Some(orders) = self.orders() else {
-            return Look { coarseness: f64::INFINITY, factors: 0.0, chords: 0.0 };
+            let found = Vec::new();
+            return Look { found, coarseness: f64::INFINITY, factors: 0.0, chords: 0.0 };
         };
+        let all = self.of_pairs(&orders, pilot);
         let mut sums = [(); 3].map(|()| Rms::default());
-        for (pair, found) in
-            pilot.pairs.iter().zip(self.of_pairs(&orders, pilot)).filter(|p| p.0.counts)
-        {
+        for (pair, found) in pilot.pairs.iter().zip(&all).filter(|p| p.0.counts) {
             for (sum, value) in sums.iter_mut().zip([found.left, found.factors, found.chords]) {
                 sum.add(value / (pair.direct + found.light));
             }
         }
         let [coarseness, factors, chords] = sums.map(|s| s.get());
-        Look { coarseness, factors, chords }
+        Look { found: all, coarseness, factors, chords }
     }
 
-    /// Returns the claim of the patches, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
+    /// Returns the claim of the patches as they were looked at last, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
     /// `None` where paths find other light by more than the patches' size explains. `plan` is of as many paths as the rest may take.
     pub fn held(
         &self,
-        pilot: &Pilot,
+        (pilot, look): (&Pilot, Look),
         active: &[usize],
         plan: &Plan,
         nm: f64,
         seed: u32,
     ) -> Option<(Claim, f64)> {
+        let of_patches = look.found;
+        if of_patches.is_empty() {
+            return None;
+        }
         let optics = Optics::new(self.scene.materials(), &[nm]);
         let list = &self.patched.surfaces.list;
         let rough: Vec<bool> = list.iter().map(|s| optics.lambert(s.material).is_none()).collect();
         let both_ends = active.iter().any(|k| rough[*k]);
-        let orders = self.orders()?;
-        let of_patches = self.of_pairs(&orders, pilot);
         let points = agreeing(pilot, &of_patches);
         let one = |optics: &mut Optics, (pair, of_patches): (&Pair, Found)| {
             let mut traced = |rest_of: Option<&[bool]>| {

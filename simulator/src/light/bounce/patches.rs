@@ -1,6 +1,6 @@
 //! Surfaces in cells, and how much of each cell a set of polygons fills.
 
-use super::cast::{Caster, Ray};
+use super::cast::{Caster, Hit, Ray};
 use super::split::{Piece, beyond, line};
 use super::surfaces::{Surfaces, in_polygon};
 use crate::light::clip::{self, P2};
@@ -85,7 +85,20 @@ impl Patches {
         of_surface: &[Range<usize>],
         ray: &Ray,
     ) -> Option<(usize, usize, DVec3)> {
-        let hit = caster.first(ray).filter(|hit| hit.front)?;
+        self.met_by(surfaces, of_surface, ray, caster.first(ray)?)
+    }
+
+    /// The same of the surface that a ray meets first.
+    pub fn met_by(
+        &self,
+        surfaces: &Surfaces,
+        of_surface: &[Range<usize>],
+        ray: &Ray,
+        hit: Hit,
+    ) -> Option<(usize, usize, DVec3)> {
+        if !hit.front {
+            return None;
+        }
         let cells = of_surface[hit.surface].clone();
         if cells.is_empty() {
             return None;

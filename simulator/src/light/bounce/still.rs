@@ -203,7 +203,8 @@ impl Still {
             }
             // Where patches are wrong by more than their size tells, paths do it.
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
-            let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
+            let looked = (pilot, look);
+            let (claim, stated) = draft.held(looked, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
             let of_paths =
                 if rough.is_empty() { effort.of_paths.max(KEPT_OF_PATHS) } else { effort.of_paths };

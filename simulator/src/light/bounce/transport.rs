@@ -13,6 +13,7 @@ use super::optics::Optics;
 use super::patches::Patches;
 use super::paths::mixed;
 use super::surfaces::Surfaces;
+use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
@@ -157,7 +158,7 @@ impl Exchange {
         p: usize,
         (until, seed): (u32, u32),
     ) -> Shot {
-        let Between { surfaces, caster, patches, .. } = *between;
+        let Between { surfaces, caster, patches, of_surface } = *between;
         let mut light = vec![0.0; self.through.len()];
         let mut shot = Shot {
             hits: vec![0; self.count],
@@ -184,15 +185,14 @@ impl Exchange {
                     + (across * sin) * surface.bitangent
                     + (1.0 - u[2]).sqrt() * surface.normal;
                 let ray = Ray { from: at, along, leaves: number };
-                if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
+                let Ok(hit) = caster.first_outside(&ray, |k| !surfaces.list[k].sheet) else {
                     shot.buried += 1;
                     continue;
-                }
-                light.fill(1.0);
-                let Some((q, by)) = self.follow(between, optics, ray, (index, seed), &mut light)
-                else {
-                    continue;
                 };
+                let met = hit.and_then(|hit| patches.met_by(surfaces, of_surface, &ray, hit));
+                let Some(met) = met else { continue };
+                let followed = self.follow(between, optics, (ray, met), (index, seed), &mut light);
+                let Some((q, by)) = followed else { continue };
                 let brought = if by == 0 { 1.0 } else { light[self.node] };
                 shot.scrambles[scramble * self.coarse + patches.list[q].coarse] +=
                     patch.area * brought;
@@ -206,20 +206,24 @@ impl Exchange {
         shot
     }
 
-    /// The diffuse patch at which a ray ends and by how many rough surfaces it came there, with what they leave of its light.
+    /// The diffuse patch at which a ray ends and by how many rough surfaces it came there, from the patch (with its surface and the place) that it meets first, with what they leave of its light: nothing is written where it
+    /// came straight.
     fn follow(
         &self,
         between: &Between,
         optics: &mut Optics,
-        mut ray: Ray,
+        (mut ray, mut met): (Ray, (usize, usize, DVec3)),
         (index, seed): (u32, u32),
         light: &mut [f64],
     ) -> Option<(usize, u32)> {
         let Between { surfaces, caster, patches, of_surface } = *between;
         for by in 0..LONGEST {
-            let (q, number, at) = patches.met(surfaces, caster, of_surface, &ray)?;
+            let (q, number, at) = met;
             if q < self.count {
                 return Some((q, by));
+            }
+            if by == 0 {
+                light.fill(1.0);
             }
             let surface = &surfaces.list[number];
             let there = surface.place(number, at);
@@ -242,6 +246,7 @@ impl Exchange {
                 return None;
             }
             ray = Ray { from: at, along: there.body(drawn.to), leaves: number };
+            met = patches.met(surfaces, caster, of_surface, &ray)?;
         }
         None
     }
