@@ -66,7 +66,7 @@ pub struct IncidentPower {
     pub sigma_w: f64,
 }
 
-/// What the laser's power, read now and then, leaves to the readings: errors that neighbours share.
+/// Errors that the laser's power, read now and then, leaves to the readings: neighbours share them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LaserTrack {
     /// The incident readings.
@@ -199,7 +199,7 @@ impl RetroTable {
     }
 }
 
-/// What stands in the metadata under a key, unless that is null; as another type.
+/// Value in the metadata under a key, unless that is null; as another type.
 fn metadata<T: serde::de::DeserializeOwned>(
     (path, table): (&Path, &Table),
     key: &str,

@@ -64,7 +64,7 @@ pub(super) struct Star {
 #[derive(Debug)]
 pub(super) struct Factor(Vec<Vec<f64>>);
 
-/// What two points' places have in common, px²; `None` for nothing.
+/// Covariance of two points' places, px²; `None` for nothing.
 fn shared(a: &FieldPoint, b: &FieldPoint) -> Option<[f64; 3]> {
     let (a, b) = (a.between?, b.between?);
     let (a, b) = if a.frame <= b.frame { (a, b) } else { (b, a) };

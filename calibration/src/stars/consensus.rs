@@ -88,7 +88,7 @@ impl Group {
 pub(super) struct Choice {
     /// The likeliest.
     pub group: Group,
-    /// Its probability among the choices that were looked at.
+    /// Probability among the choices that were looked at.
     pub probability: f64,
     /// The others, each with its own.
     pub rivals: Vec<(Group, f64)>,

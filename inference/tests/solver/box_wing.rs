@@ -119,7 +119,7 @@ fn error(found: &Fit, k: usize) -> f64 {
     if k == 4 { (value + 180.0).rem_euclid(360.0) - 180.0 } else { value }
 }
 
-/// Of each free parameter: whether the truth lies below and above its 95 % interval, (found − truth)/σ, the error and half the interval's width; of all albedos how many
+/// Columns: for each free parameter whether the truth lies below and above its 95 % interval, (found − truth)/σ, the error and half the interval's width; of all albedos how many
 /// intervals have the truth below and above them, their mean pull, their number, and the root mean square of their errors.
 const COLUMNS: &[&str] = &[
     "below_1",
@@ -167,8 +167,8 @@ fn beyond([low, high]: [Option<f64>; 2], value: f64) -> [f64; 2] {
 fn fitted(seed: u64, found: &Fit, linear: &[Linear]) -> Vec<f64> {
     assert!(found.converged, "{seed}: {:?}", found.warnings);
     let mut row = Vec::new();
-    for k in 0..5 {
-        let p = found.parameter(FREE[k]).unwrap();
+    for (k, name) in FREE.into_iter().enumerate() {
+        let p = found.parameter(name).unwrap();
         let off = error(found, k);
         let sigma = p.sigma.unwrap_or_else(|| {
             panic!(
@@ -181,8 +181,7 @@ fn fitted(seed: u64, found: &Fit, linear: &[Linear]) -> Vec<f64> {
         });
         assert!(
             off.abs() < 6.0 * sigma,
-            "{seed}: {} is off by {off} ± {sigma}; reduced chi-square {}, minima {:?}",
-            FREE[k],
+            "{seed}: {name} is off by {off} ± {sigma}; reduced chi-square {}, minima {:?}",
             found.reduced_chi2,
             found.minima
         );

@@ -1,4 +1,4 @@
-//! What the incident power leaves to a run: an error that neighbouring angles share.
+//! The error that the incident power leaves to a run, one that neighbouring angles share.
 //!
 //! The power between two incident readings is that on the straight line between them. Their noise tilts all of that line, and the laser may have left it and come back. Either changes the
 //! lobe's shape, and α with it, far more than the same error would that were another one at each angle.

@@ -15,7 +15,7 @@ use sunglint_simulator::surface::Distribution;
 /// A gap is this many times as wide as readings are apart elsewhere.
 pub(super) const GAP_STEPS: f64 = 3.0;
 
-/// What a run states of its rig.
+/// Statements of a run about its rig.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stated {
     /// The cone of light into the meter.
@@ -295,7 +295,7 @@ fn near_normal(readings: &[Reading], known: bool) -> Vec<Reading> {
     near.map(|(x, y, w)| (x, y, weight(w))).collect()
 }
 
-/// What a real lobe differs from a law by, in ln f: noise that is larger makes a reading count less.
+/// Difference of a real lobe from a law, in ln f: noise that is larger makes a reading count less.
 const DIFFERS: f64 = 0.02;
 
 /// Where neighbouring readings off the normal are far apart, radians.

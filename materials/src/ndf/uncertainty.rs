@@ -40,7 +40,7 @@ struct Drawn {
     zeros: Vec<f64>,
 }
 
-/// What the readings of a run have in common.
+/// Facts that the readings of a run have in common.
 pub(super) struct Common {
     pub stated: Stated,
     /// The laser over the run, of which neighbouring angles share the errors.

@@ -225,7 +225,7 @@ pub enum Note {
     },
     /// The mount's offset was found by a law, since both sides do not decide it.
     ZeroByLaw {
-        /// Its standard uncertainty, degrees.
+        /// Standard uncertainty, degrees.
         sigma_deg: f64,
     },
     /// The mount's offset could not be found.

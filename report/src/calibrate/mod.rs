@@ -107,7 +107,7 @@ struct NightJson<'a> {
     aerosol_depth: Option<[f64; 2]>,
     channels: Vec<ChannelJson<'a>>,
     without_kappa: &'a [[String; 2]],
-    covariance_ln_kappa: &'a [Vec<f64>],
+    covariance_ln_kappa: Vec<Vec<f64>>,
     ratios: Vec<RatioJson<'a>>,
     visits: Vec<VisitJson<'a>>,
 }
@@ -385,7 +385,12 @@ impl CalibrationReport<'_> {
             aerosol_depth: facts.aerosol_depth.map(Measured::to_array),
             channels,
             without_kappa: &facts.without_kappa,
-            covariance_ln_kappa: &night.file.covariance,
+            covariance_ln_kappa: night
+                .file
+                .covariance
+                .iter()
+                .map(|row| row.iter().map(|v| rounded(*v)).collect())
+                .collect(),
             ratios,
             visits,
         }
