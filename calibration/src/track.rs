@@ -41,6 +41,9 @@ pub struct Interpolated {
     pub drift_px_per_s: DVec2,
 }
 
+/// Median of χ² with one degree of freedom.
+pub(crate) const MEDIAN_CHI2: f64 = 0.454_936;
+
 /// The frames on both sides of a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Around {
@@ -129,7 +132,7 @@ impl Track {
     }
 }
 
-/// How much targets wander off their straight ways, px²/s per axis, as [`Track::wander_px2_per_s`] has it, from the tracks of all of them together: a visit of
+/// Wander of targets off their straight ways, px²/s per axis, as [`Track::wander_px2_per_s`] has it, from the tracks of all of them together: a visit of
 /// a few frames does not tell for itself.
 pub fn wander_px2_per_s<'a>(tracks: impl IntoIterator<Item = &'a Track>) -> f64 {
     let mut found = Vec::new();
@@ -160,7 +163,6 @@ pub fn wander_px2_per_s<'a>(tracks: impl IntoIterator<Item = &'a Track>) -> f64 
             |(d2, noise, bridge): &(f64, f64, f64)| d2 / (noise + wander * bridge).max(1e-300);
         order::median(found.iter().map(ratio)).unwrap_or(0.0)
     };
-    const MEDIAN_CHI2: f64 = 0.454_936;
     if median(0.0) <= MEDIAN_CHI2 {
         return 0.0;
     }

@@ -46,7 +46,7 @@ pub struct Reading {
     pub flags: RetroFlags,
 }
 
-/// How far the directions into the meter spread about that of the light: root mean squares.
+/// Spread of the directions into the meter about that of the light: root mean squares.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ConeSpread {
     /// In the plane of incidence, degrees.

@@ -52,7 +52,7 @@ pub struct Between {
     pub exposure_s: f64,
     /// Covariances of the places in the two frames (xx, yy, xy), px².
     pub frames_px2: [[f64; 3]; 2],
-    /// How far the telescope wanders off the line between frames, px²/s in each axis.
+    /// Wander of the telescope off the line between frames, px²/s in each axis.
     pub wander_px2_per_s: f64,
 }
 

@@ -17,6 +17,7 @@
 //! the term of Kenward and Roger (1997), which is added to the covariance.
 
 use super::FieldPoint;
+use crate::track::MEDIAN_CHI2;
 use glam::DVec2;
 use sunglint_numerics::order::median;
 
@@ -29,9 +30,6 @@ pub(super) type Row = [f64; WIDTH];
 const ALIKE: f64 = 0.8;
 /// ln s² of 1e-5, less than any rate is known to, and of the star's whole light.
 const RANGE: [f64; 2] = [-23.0, 0.0];
-/// Median of χ² with one degree of freedom.
-const MEDIAN_CHI2: f64 = 0.454_936;
-
 /// Step of ln s² by which the bend of the likelihood is found.
 const STEP: f64 = 0.5;
 

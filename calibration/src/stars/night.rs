@@ -156,13 +156,12 @@ impl Fitted {
         let (normals, solution) =
             fit(agreeing.iter().copied(), &scatter, &model).unwrap_or((Vec::new(), solution));
         let by_choice = by_choice(&rivals, &samples, &solution, &model, options);
-        let slopes = found;
         Ok(Self {
             model,
             scatter,
             solution,
             normals,
-            slopes,
+            slopes: found,
             sloped,
             group,
             samples,
@@ -344,7 +343,7 @@ fn members<'a>(samples: &'a [Sample], group: &Group) -> Vec<&'a Sample> {
     samples.iter().zip(&group.agrees).filter(|(_, good)| **good).map(|(s, _)| s).collect()
 }
 
-/// How far the parameters of other choices of visits lie from these, squared, by their probabilities.
+/// Covariance by which visits agree: distances of the other choices' parameters from these, by their probabilities.
 fn by_choice(
     rivals: &[(Group, f64)],
     samples: &[Sample],

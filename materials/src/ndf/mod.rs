@@ -418,7 +418,7 @@ pub struct Ndf {
     pub projected_area: Vec<f64>,
     /// Standard deviation of D by the readings, sr⁻¹; none where theirs is not known.
     pub density_sigma: Option<Vec<f64>>,
-    /// How much D changes with other continuations beyond the last angle and across gaps, and with the other law, if the readings allow it, for what the cone took, sr⁻¹: the largest
+    /// Change of D with other continuations beyond the last angle and across gaps, and with the other law, if the readings allow it, for what the cone took, sr⁻¹: the largest
     /// difference.
     pub density_bound: Vec<f64>,
     /// Flags of the nodes.
@@ -427,7 +427,7 @@ pub struct Ndf {
     pub f0: f64,
     /// Standard deviation of F₀ by the readings and by what they have in common.
     pub f0_sigma: Option<f64>,
-    /// How much other continuations, and another law for what the cone took, change it.
+    /// Change of it by other continuations, and by another law for what the cone took.
     pub f0_bound: f64,
     /// How the iteration went.
     pub convergence: Convergence,

@@ -329,7 +329,7 @@ pub struct Intensities {
     materials: Vec<String>,
     /// τ of each term at each wavelength: `[term * wavelengths + s]`.
     tau: Vec<f64>,
-    /// How the error of each term goes into that of all light.
+    /// Way of each term's error into that of all light.
     ways: Vec<Way>,
     /// The Sun's irradiance at 1 au at each wavelength, W m⁻² nm⁻¹.
     sun: Vec<f64>,

@@ -113,7 +113,7 @@ impl Stated {
     }
 }
 
-/// How a term's error goes into [`Stated`].
+/// Way of a term's error into [`Stated`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
     /// Added to all others.
@@ -127,7 +127,7 @@ pub enum Way {
 }
 
 impl Term {
-    /// How its error goes into that of all light.
+    /// Way of the error into that of all light.
     pub fn way(&self) -> Way {
         match (self.source, self.material) {
             (Source::Bounce, _) => Way::Between,

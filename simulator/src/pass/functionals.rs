@@ -79,7 +79,7 @@ pub(super) struct Set {
     of: Vec<(usize, f64)>,
     /// Terms that have light.
     lit: usize,
-    /// How the errors of these go into that of all light.
+    /// Ways of the errors of these into that of all light.
     ways: Vec<Way>,
     /// Terms that have errors alone.
     unlit: usize,
@@ -313,7 +313,7 @@ pub(super) struct Functionals {
     pub at_telescope: Option<Set>,
     /// Which way the light of each term came.
     sources: Vec<Source>,
-    /// How the error of each term goes into that of all light.
+    /// Way of each term's error into that of all light.
     pub ways: Vec<Way>,
 }
 
