@@ -292,6 +292,25 @@ fn counted_by_nights() -> Vec<String> {
         let is_there = |row: Row| row(&key("of")) > 0.0;
         rows.push((what, "few_stars", few.nights(&is_there, &night), None));
     }
+    let fits = Rows::new("box_wing_fits");
+    let names = [
+        "roughness of a spinning box-wing's cells, fitted with all that follows",
+        "… right ascension of its axis",
+        "… declination",
+        "… period",
+        "… phase",
+    ];
+    for (k, what) in (1..).zip(names) {
+        let pass = |row: Row| {
+            let [below, above, pull] = ["below", "above", "pull"].map(|n| row(&format!("{n}_{k}")));
+            Night { below, above, of: 1.0, pull }
+        };
+        let square = |row: Row| row(&format!("error_{k}")).powi(2);
+        let width = fits.over_scatter(&all, &format!("half_{k}"), &square);
+        rows.push((what, "box_wing_fits", fits.nights(&all, &pass), Some(width)));
+    }
+    let albedos = fits.nights(&all, &of("albedo_".to_owned()));
+    rows.push(("… twenty-four albedos", "box_wing_fits", albedos, None));
     let tables = Rows::new("made_up_surfaces");
     let table = |row: Row| Night {
         below: row("numbers") - row("inside") - row("nan"),
