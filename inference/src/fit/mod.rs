@@ -458,10 +458,11 @@ fn fit_without(
     };
     let (mut fit, averaged, nodes) = search.fit(&mut model)?;
     let bouncing = Bouncing { curves, of: &bouncing, parameters: &parameters, channels: &channels };
-    let mut bounces = None;
+    let (mut bounces, mut bounced) = (None, Vec::new());
     if bouncing.of.iter().any(|b| *b) {
         let mut refit = |model: &mut StudyModel, fit: &Fit| search.again(model, fit);
-        (fit, bounces) = bouncing.settle(&mut model, fit, progress, &mut refit)?;
+        let settled = bouncing.settle(&mut model, fit, progress, &mut refit)?;
+        (fit, bounces, bounced) = (settled.fit, settled.bounces, settled.studies);
     }
     fit.widen_for_correlation(&data);
     // What is linear moves no light.
@@ -493,7 +494,10 @@ fn fit_without(
         None => Vec::new(),
     };
     let scenes = match without.is_empty() {
-        true => fitted_scenes(curves, &parameters, &fit, &channels, &model, &mut warnings)?,
+        true => {
+            let by = (&model, &mut bounced[..]);
+            fitted_scenes(curves, &parameters, &fit, &channels, by, &mut warnings)?
+        }
         false => Vec::new(),
     };
     let doubts = materials::doubts(curves, &scenes, &fit, &channels)?;

@@ -99,6 +99,18 @@ impl Study {
         })
     }
 
+    /// Has the light of samples averaged over their exposures at as many moments as that of another study of the same samples.
+    ///
+    /// # Errors
+    /// The errors of [`crate::pass::Pass::simulate`] at the moments within the exposures.
+    pub fn average_as(&mut self, other: &Self) -> Result<(), PassError> {
+        let pieces = &other.exposures.pieces;
+        if pieces.len() == self.samples && *pieces != self.exposures.pieces {
+            self.set_pieces(pieces.clone())?;
+        }
+        Ok(())
+    }
+
     /// Direct light of the samples as the pass stands now, in the middles and as means over the exposures: samples × (channels, then bands).
     fn exposure_means(&self, tolerance: f64) -> Result<(Array2<f64>, ExposureMeans), PassError> {
         let n = self.samples;

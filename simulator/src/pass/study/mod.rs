@@ -39,6 +39,8 @@ pub struct Study {
     transmissions: Vec<Option<Vec<f64>>>,
     /// Where direct light is computed, and where all other; everywhere where `None`.
     nodes: [Option<thin::Nodes>; 2],
+    /// The light that is not direct at its nodes, where it is known for the pass as it stands now.
+    indirect: Option<Vec<thin::Row>>,
 }
 
 /// The light of each term in each channel and band: what rates are sums of.
@@ -80,6 +82,7 @@ impl Study {
             functionals,
             transmissions: Vec::new(),
             nodes: [None, None],
+            indirect: None,
         };
         study.look_through_air()?;
         Ok(study)
@@ -106,6 +109,7 @@ impl Study {
             Ok(places) => {
                 self.places = places;
                 self.course = None;
+                self.indirect = None;
                 Ok(())
             }
             Err(error) => {
@@ -146,6 +150,7 @@ impl Study {
     /// [`PassError::Target`], and as [`Pass::simulate`] for its spectra; the study then keeps its former body.
     pub fn set_target(&mut self, target: Target) -> Result<(), PassError> {
         let former = std::mem::replace(&mut self.pass.target, target);
+        self.indirect = None;
         let mut replace = || -> Result<(), PassError> {
             let course = self.course.get_or_insert_with(|| course(&self.pass, &self.places));
             let engine = self.pass.engine(course)?;
@@ -183,6 +188,7 @@ impl Study {
         self.pass.times = self.times.iter().map(|t| *t + offset).collect();
         self.places = self.pass.places(&|| ())?;
         self.course = None;
+        self.indirect = None;
         self.look_through_air()
     }
 

@@ -49,7 +49,10 @@ pub(super) struct Nodes {
 }
 
 /// Weights of one epoch, m² sr⁻¹, and their errors.
-type Row = (Vec<f64>, Vec<f64>);
+pub(super) type Row = (Vec<f64>, Vec<f64>);
+
+/// Nodes of indirect light, the error of the lines between them, and the light at them; `None` for light that is computed at all epochs, or was not at all nodes.
+type Indirect = (Option<Nodes>, f64, Option<Vec<Row>>);
 
 impl Nodes {
     fn new(order: Vec<usize>, chosen: Vec<usize>, times_s: &[f64]) -> Self {
@@ -126,7 +129,7 @@ impl Study {
         let way =
             Way { order: &order, times_s: &times_s, light: &light, tolerance: 0.5 * tolerance };
         let (own, straight) = self.thin_direct(&way, &rows);
-        let (others, bent) = self.thin_indirect(&way)?;
+        let (others, bent, at_nodes) = self.thin_indirect(&way)?;
         let count =
             |nodes: &Option<Nodes>, all: usize| nodes.as_ref().map_or(all, |n| n.chosen.len());
         let lit = &self.engine.terms()[..self.engine.lit_terms()];
@@ -138,6 +141,7 @@ impl Study {
             error: straight + bent,
         };
         self.nodes = [own, others];
+        self.indirect = at_nodes;
         Ok(found)
     }
 
@@ -169,11 +173,11 @@ impl Study {
         (Some(Nodes::new(way.order.to_vec(), chosen, way.times_s)), error)
     }
 
-    /// Nodes of indirect light, which is computed at them and in the middle between two of them alone.
-    fn thin_indirect(&self, way: &Way) -> Result<(Option<Nodes>, f64), PassError> {
+    /// Nodes of indirect light, which is computed at them and in the middle between two of them alone; their error, and the light at them.
+    fn thin_indirect(&self, way: &Way) -> Result<Indirect, PassError> {
         let lit = &self.engine.terms()[..self.engine.lit_terms()];
         if !lit.iter().any(|t| indirect(t.source)) {
-            return Ok((None, 0.0));
+            return Ok((None, 0.0, None));
         }
         let mut nodes = self.before(1, way, INDIRECT_TURN_RAD);
         let mut rows: Vec<Option<Row>> = vec![None; way.order.len()];
@@ -209,7 +213,8 @@ impl Study {
             open = next;
         }
         nodes.sort_unstable();
-        Ok((Some(Nodes::new(way.order.to_vec(), nodes, way.times_s)), error))
+        let at_nodes = nodes.iter().map(|k| rows[way.order[*k]].take()).collect();
+        Ok((Some(Nodes::new(way.order.to_vec(), nodes, way.times_s)), error, at_nodes))
     }
 
     /// Returns the error of the lines between the nodes, as the pass stands now. `None` where light is computed at all epochs.
@@ -327,7 +332,11 @@ impl Study {
             let epochs = nodes.as_ref().map(|n| n.epochs().collect::<Vec<_>>());
             epochs.map(|epochs| self.rows(&epochs, wanted)).transpose()
         };
-        let (straight, bent) = (at(own, &direct)?, at(others, &indirect)?);
+        let straight = at(own, &direct)?;
+        let bent = match &self.indirect {
+            Some(known) if others.is_some() => Some(known.clone()),
+            _ => at(others, &indirect)?,
+        };
         let mut rows = match (&straight, &bent) {
             (None, None) => self.rows(&all, &|_| true)?,
             (None, Some(_)) => self.rows(&all, &direct)?,
