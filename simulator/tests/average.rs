@@ -110,6 +110,11 @@ fn means_are_sums_over_many_moments() {
     println!("{thinned:?}");
     let off = apart(&light(&study.term_rates().unwrap()), &before);
     assert!(off <= thinned.error + 1e-9, "{off} {thinned:?}");
+    // Another study of the same samples takes the same moments.
+    let mut other = Study::new(pass.clone()).unwrap();
+    other.average_as(&study).unwrap();
+    let off = apart(&light(&other.term_rates().unwrap()), &truth);
+    assert!(off <= 3e-4 + 2e-5, "{off}");
     // Moments go with their samples.
     study.set_time_offset_s(0.3).unwrap();
     assert_eq!(study.places().len(), pass.times.len());

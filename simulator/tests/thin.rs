@@ -4,6 +4,7 @@
 
 use glam::DQuat;
 use sunglint_simulator::attitude::Attitude;
+use sunglint_simulator::light::Source;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Study, TermRates};
 
 /// A box with a panel that follows the Sun, its z axis to the Earth: shadows, lobes, earthshine.
@@ -120,4 +121,41 @@ fn what_turns_between_epochs_is_computed_at_all() {
     let thinned = study.thin(3e-4).unwrap();
     assert_eq!((thinned.direct, thinned.indirect), (31, 31));
     assert_eq!(apart(&study.term_rates().unwrap(), &truth), 0.0);
+}
+
+/// Truth: the Earth's light computed at all epochs, where the body is turned and when. What thinning kept of it must be forgotten then. Tolerance: 1 % of it, for the lines between epochs; the kept light is
+/// farther off, so that the test can fail.
+#[test]
+fn light_that_was_kept_is_forgotten_when_the_body_turns() {
+    let pass = scene("law = \"orbit\"", 0.1);
+    let earthshine = |rates: &TermRates| -> Vec<f64> {
+        let of: Vec<usize> =
+            (0..rates.terms.len()).filter(|k| rates.terms[*k].source != Source::Direct).collect();
+        let sum = |i: usize| of.iter().map(|k| rates.rates_hz[[i, 0, *k]]).sum();
+        (0..rates.rates_hz.dim().0).map(sum).collect()
+    };
+    let off = |found: &[f64], truth: &[f64]| {
+        assert!(truth.iter().all(|t| *t > 0.0));
+        found.iter().zip(truth).map(|(f, t)| (f / t - 1.0).abs()).fold(0.0, f64::max)
+    };
+    let mut study = Study::new(pass.clone()).unwrap();
+    study.thin(3e-4).unwrap();
+    let kept = earthshine(&study.term_rates().unwrap());
+    let Attitude::Orbit(offset) = pass.attitude.clone() else { panic!("{:?}", pass.attitude) };
+    let turned = Attitude::Orbit(DQuat::from_rotation_x(0.4) * offset);
+    let truth = |offset_s: f64| {
+        let mut study = Study::new(Pass { attitude: turned.clone(), ..pass.clone() }).unwrap();
+        study.set_time_offset_s(offset_s).unwrap();
+        earthshine(&study.term_rates().unwrap())
+    };
+    study.set_attitude(turned.clone()).unwrap();
+    let found = earthshine(&study.term_rates().unwrap());
+    assert!(off(&kept, &truth(0.0)) > 0.03 && off(&found, &truth(0.0)) < 0.01);
+    // The same light is kept again, and forgotten at other times.
+    study.thin(3e-4).unwrap();
+    let before = earthshine(&study.term_rates().unwrap());
+    assert!(off(&before, &truth(0.0)) < 0.01);
+    study.set_time_offset_s(40.0).unwrap();
+    let found = earthshine(&study.term_rates().unwrap());
+    assert!(off(&before, &truth(40.0)) > 0.03 && off(&found, &truth(40.0)) < 0.01);
 }
