@@ -230,7 +230,7 @@ fn pylablibs_kinesis_moves_our_simulated_stages() {
     let name = "pylablibs_kinesis_moves_our_simulated_stages";
     let Some(python) = peer_python(name, &["pylablib"]) else { return };
     let script = r#"
-import os, sys, types, warnings, serial, pylablib.devices
+import os, sys, time, types, warnings, serial, pylablib.devices
 warnings.simplefilter("ignore")
 # The package's own __init__ loads cameras, which need numba.
 folder = os.path.join(os.path.dirname(pylablib.devices.__file__), "Thorlabs")
@@ -249,6 +249,10 @@ stage.move_to(target)
 stage.wait_move(timeout=20.)
 print(round(stage.get_position(), 4), stage.get_position(scale=False))
 stage.move_to(-target * 100)
+# On a busy machine the stage may hear both in one piece, and stop before it moved.
+end = time.monotonic() + 20
+while stage.get_position() >= target and time.monotonic() < end:
+    pass
 stage.stop(immediate=True, timeout=20.)
 print(stage.is_moving(), -target * 100 < stage.get_position() < target)
 stage.close()
