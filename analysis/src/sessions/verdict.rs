@@ -740,12 +740,18 @@ fn member(rows: &Rows, models: &[Model; 3], near_hz: f64, step_hz: f64) -> Membe
     });
     let best = cluster.best();
     let f = best.frequency_hz;
-    // The curvature of χ² over half a step on both sides.
-    let h = 0.5 * step_hz;
+    // The curvature of χ² about a standard deviation to both sides: over half a step of the search it is less where the period is known far better than that.
     let at = |f: f64| rows.fit(&six.weight, f, order).chi2;
-    let bend =
-        ((at(f + h) - best.chi2).max(0.0) + (at(f - h) - best.chi2).max(0.0)) / (h * h) * six.scale;
-    let sigma_hz = (2.0 / bend).sqrt();
+    let by = |h: f64| {
+        let rise = (at(f + h) - best.chi2).max(0.0) + (at(f - h) - best.chi2).max(0.0);
+        (2.0 / (rise / (h * h) * six.scale)).sqrt()
+    };
+    let mut sigma_hz = by(0.5 * step_hz);
+    for _ in 0..3 {
+        if sigma_hz < 0.5 * step_hz && sigma_hz > 0.0 {
+            sigma_hz = by(sigma_hz);
+        }
+    }
     let sigma_s = sigma_hz / (f * f);
     // Cycle counts are neighbours of one period: minima that any of the models leaves.
     let mut counts = vec![f];
