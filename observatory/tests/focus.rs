@@ -67,11 +67,12 @@ fn hot_pixels_are_no_stars() {
 }
 
 /// Truth: the reading at which the virtual telescope is sharp, from the side of the approach. The stated 95 % interval holds it in 95 % of the runs: so many misses
-/// or more come by chance in 2 % at least. One run in twenty may be refused for want of stars, none for another reason. Seeing, play, steps, stars, hot pixels, the start (by up to two steps and a half) and the side are drawn anew in each run.
+/// or more come by chance in 2 % at least. docs/uncertainty.md counts the runs. One run in twenty may be refused for want of stars, none for another reason. Seeing, play, steps, stars, hot pixels, the start (by up to two steps and a half) and the side are drawn anew in each run.
 #[test]
 fn campaign_focus() {
-    let mut campaign = Campaign::start("focus", 200);
-    let all: Vec<Option<(u64, f64, f64, f64)>> = campaign
+    let columns = &["refused", "below", "above", "off", "sigma", "half_width"];
+    let mut campaign = Campaign::in_shards("focus", 500, 25, columns);
+    let all: Vec<(u64, [f64; 6])> = campaign
         .seeds()
         .into_par_iter()
         .map(|seed| {
@@ -105,34 +106,30 @@ fn campaign_focus() {
                     ..
                 }) => {
                     assert!(returned, "{seed}");
-                    return None;
+                    return (seed, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
                 }
                 Err(failed) => panic!("{seed}: {failed}"),
             };
             let curve = done.curve.unwrap();
             let off = curve.best - bench.best(side == Approach::Up);
             assert!((done.stands_at.unwrap() as f64 - curve.best).abs() <= 0.5, "{seed}");
-            Some((seed, off, curve.sigma, off.abs() / curve.half_width_95))
+            let half = curve.half_width_95;
+            let [below, above] = [off > half, off < -half].map(f64::from);
+            (seed, [0.0, below, above, off, curve.sigma, half])
         })
         .collect();
-    let rows: Vec<_> = all.iter().flatten().copied().collect();
-    let refused = all.len() - rows.len();
-    let missed = rows.iter().filter(|row| row.3 > 1.0).count() as u64;
-    let mut sizes: Vec<f64> = rows.iter().map(|row| row.1.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let mut sigmas: Vec<f64> = rows.iter().map(|row| row.2).collect();
-    sigmas.sort_by(f64::total_cmp);
-    let n = rows.len() as u64;
-    println!(
-        "focus: {missed} of {n} outside, {refused} refused, error median {:.1} steps, 95 % {:.1}, sigma median {:.1}",
-        sizes[rows.len() / 2],
-        sizes[rows.len() * 95 / 100],
-        sigmas[rows.len() / 2]
-    );
-    assert!(chance_of_misses(n, missed, 0.05) > 0.02, "{missed} of {n}: {rows:?}");
-    assert!(20 * refused <= all.len(), "{refused} of {} refused", all.len());
+    for (seed, row) in &all {
+        campaign.keep(*seed, row);
+    }
+    let sum = |name: &str| campaign.column(name).iter().sum::<f64>();
+    let refused = sum("refused");
+    let missed = (sum("below") + sum("above")) as u64;
+    let n = campaign.column("refused").len() as u64 - refused as u64;
+    println!("focus: {missed} of {n} outside, {refused} refused");
+    assert!(chance_of_misses(n, missed, 0.05) > 0.02, "{missed} of {n}: {all:?}");
+    assert!(20.0 * refused <= (n as f64 + refused), "{refused} refused, {n} not");
     campaign.largest("outside_95_percent", missed as f64);
-    campaign.largest("refused", refused as f64);
+    campaign.largest("refused", refused);
     campaign.finish();
 }
 
@@ -157,22 +154,44 @@ fn points_on_a_shape_give_its_lowest_point() {
     }
 }
 
-/// Truth: σ of the vertex of a parabola through points of equal σ that lie evenly about it is σ / (2 c √Σu²), the textbook's slope over twice the curvature.
+/// Truth: the place that was chosen, and σ of the vertex of a parabola through points of equal σ that lie evenly about it, σ / (2 c √Σu²): the textbook's slope over twice the curvature. Noise is that of the light, of the air, or both
+/// (normal, drawn by seed). 95 % intervals hold 94 to 98 % of 4,000 curves: what the air does is not known, and less than nothing it cannot be, so that intervals are a little wide where there is only light. Half a width is at most 1.4
+/// times the textbook's, which knows the noise: Student's t with six degrees of freedom is 1.25 times. Half of the 68.3 % interval is the σ.
 #[test]
-fn the_uncertainty_is_that_of_the_textbook() {
-    let (c, sigma) = (1e-5, 0.05);
-    let points: Vec<Point> = (-4..=4)
-        .map(|i| {
-            let position = 100.0 * f64::from(i);
-            Point { position, hfr_px: 2.0 + c * position * position, sigma_px: sigma }
-        })
-        .collect();
-    let squares: f64 = points.iter().map(|p| p.position.powi(2)).sum();
-    let curve = fit(&points).unwrap();
-    let expected = sigma / (2.0 * c * squares.sqrt());
-    assert!((curve.sigma / expected - 1.0).abs() < 1e-9, "{} {expected}", curve.sigma);
-    // Six degrees of freedom: 2.447 (any table of Student's t).
-    assert!((curve.half_width_95 / curve.sigma - 2.447).abs() < 1e-9);
+fn intervals_hold_whether_light_or_air_scatters() {
+    let (c, least) = (4e-6, 2.0);
+    let at = |i: usize| 100.0 * (i as f64 - 4.0);
+    let squares: f64 = (0..9).map(|i| at(i).powi(2)).sum();
+    let noises: [(f64, f64); 3] = [(0.05, 0.0), (0.002, 0.025), (0.03, 0.015)];
+    for (number, (light, air)) in noises.into_iter().enumerate() {
+        let (mut held, mut within, mut widths) = (0, 0, Vec::new());
+        for seed in 0..4000 {
+            let normal = |k: u64| {
+                let d = |n: u64| drawn(seed + 10_000 * number as u64, 100 + 2 * k + n);
+                (-2.0 * d(0).max(1e-16).ln()).sqrt() * (std::f64::consts::TAU * d(1)).cos()
+            };
+            let points: Vec<Point> = (0..9)
+                .map(|i| {
+                    let radius = least + c * at(i).powi(2);
+                    let noise = light.hypot(air * radius) * normal(i as u64);
+                    Point { position: 1000.0 + at(i), hfr_px: radius + noise, sigma_px: light }
+                })
+                .collect();
+            let curve = fit(&points).unwrap();
+            let off = (curve.best - 1000.0).abs();
+            held += usize::from(off <= curve.half_width_95);
+            within += usize::from(off <= curve.sigma);
+            widths.push(curve.half_width_95);
+        }
+        widths.sort_by(f64::total_cmp);
+        // Of all radii together, which differ by a quarter: a few percent of the width.
+        let expected = light.hypot(air * 1.1 * least) / (2.0 * c * squares.sqrt());
+        let wide = widths[2000] / (1.96 * expected);
+        println!("{light} {air}: {held} of 4000 held, {within} within σ, width {wide:.2}");
+        assert!((3760..=3920).contains(&held), "{light} {air}: {held}");
+        assert!((2600..=3100).contains(&within), "{light} {air}: {within}");
+        assert!((0.95..=1.4).contains(&wide), "{light} {air}: {wide}");
+    }
 }
 
 /// Truth: by construction: slopes, flat lines, too few points have no lowest point, and each says what it is.

@@ -33,8 +33,13 @@ pub fn text(run: &FocusRun) -> String {
         };
         let _ = writeln!(
             text,
-            "best position {:.0} ± {:.0} (95 %: ± {:.0}), radius {:.2} px, by a {shape} through {} points (χ² {:.1})",
-            curve.best, curve.sigma, curve.half_width_95, curve.least_px, curve.fitted, curve.chi2
+            "best position {:.0} ± {:.0} (95 %: ± {:.0}), radius {:.2} px, by a {shape} through {} points that scatter by {:.1} % beyond the noise of their light",
+            curve.best,
+            curve.sigma,
+            curve.half_width_95,
+            curve.least_px,
+            curve.fitted,
+            100.0 * curve.scatter
         );
     }
     if let Some(there) = &run.there {

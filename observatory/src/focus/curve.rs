@@ -1,9 +1,14 @@
 //! The V-curve: a hyperbola or a parabola, whichever fits better, and its lowest point.
 //!
-//! A hyperbola h² = a² + b² (x − x₀)² is a parabola of h², so that both are linear fits with a closed form. The uncertainty of x₀ comes from the points' own
-//! uncertainties, enlarged by √(χ²/ν) where they scatter more; the interval takes Student's t with the ν degrees of freedom.
+//! A hyperbola h² = a² + b² (x − x₀)² is a parabola of h², so that both are linear fits with a closed form.
+//!
+//! Points scatter by their own noise, which they state, and by a part s of the radius, which nobody knows: seeing that changes from frame to frame, guiding,
+//! other stars in the aperture. Few points tell s badly. So x₀ is asked of every s from 0.01 % to 30 % and of both shapes, and each answer counts by its
+//! likelihood (restricted, Patterson and Thompson 1971, with each factor in s as likely as another). Intervals are those of all answers together. With nothing
+//! but s they are Student's; points that lie on the curve by chance make none that is narrower than the light's noise.
 
 use serde::Serialize;
+use std::f64::consts::SQRT_2;
 
 /// Fewest points of a curve.
 pub const FEWEST: usize = 5;
@@ -11,6 +16,8 @@ pub const FEWEST: usize = 5;
 const EACH_SIDE: usize = 2;
 /// Multiple of the least radius up to which points are fitted: farther out the curve is no longer that of the model.
 const REACH: f64 = 4.0;
+/// Scatter of radii by the air, as a part of them, where no curve tells it.
+const TYPICAL: f64 = 0.02;
 
 /// Point of a V-curve.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -40,7 +47,7 @@ pub struct Curve {
     pub shape: Shape,
     /// Best position, steps.
     pub best: f64,
-    /// Standard uncertainty of it, steps.
+    /// Standard uncertainty of it, steps: half of the 68.3 % interval.
     pub sigma: f64,
     /// Half of the 95 % interval, steps.
     pub half_width_95: f64,
@@ -48,6 +55,8 @@ pub struct Curve {
     pub least_px: f64,
     /// χ² of the curve, by the points' own uncertainties.
     pub chi2: f64,
+    /// Part of the radius by which points scatter beyond these, the likeliest.
+    pub scatter: f64,
     /// Points that were fitted.
     pub fitted: usize,
     /// Coefficients in u = (x − middle) / scale: c₀ + c₁ u + c₂ u², of h or h².
@@ -121,7 +130,7 @@ pub enum CurveError {
     },
 }
 
-/// Quadratic through points (u, y, σ): coefficients, their covariance, χ². `None` where it is not determined.
+/// Quadratic through points (u, y, σ): coefficients, their covariance, the determinant of its inverse. `None` where it is not determined.
 fn quadratic(points: &[(f64, f64, f64)]) -> Option<([f64; 3], [[f64; 3]; 3], f64)> {
     let (mut m, mut v) = ([[0.0; 3]; 3], [0.0; 3]);
     for &(u, y, sigma) in points {
@@ -154,21 +163,47 @@ fn quadratic(points: &[(f64, f64, f64)]) -> Option<([f64; 3], [[f64; 3]; 3], f64
     for (i, c) in c.iter_mut().enumerate() {
         *c = (0..3).map(|j| covariance[i][j] * v[j]).sum();
     }
-    let off =
-        |&(u, y, sigma): &(f64, f64, f64)| ((y - c[0] - u * (c[1] + u * c[2])) / sigma).powi(2);
-    let chi2 = points.iter().map(off).sum();
-    Some((c, covariance, chi2))
+    Some((c, covariance, determinant))
 }
 
-/// Student's t of the 95 % interval (two-sided) by degrees of freedom: tables, and beyond ten a fit to them within 0.2 %.
-fn student(freedom: usize) -> f64 {
-    const TABLE: [f64; 10] =
-        [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228];
-    match freedom {
-        0 => f64::INFINITY,
-        n if n <= 10 => TABLE[n - 1],
-        n => 1.960 + 2.372 / n as f64 + 2.8 / (n * n) as f64,
+/// Scatter of radii beyond the light's noise, as a part of them: from nothing to clouds, by equal factors.
+const SCATTERS: usize = 41;
+const SCATTER: [f64; 2] = [1e-4, 0.3];
+
+fn scatters() -> impl Iterator<Item = f64> {
+    let [least, most] = SCATTER.map(f64::ln);
+    (0..SCATTERS).map(move |i| (least + (most - least) * i as f64 / (SCATTERS - 1) as f64).exp())
+}
+
+/// What a shape and a scatter answer.
+struct Answer {
+    curve: Curve,
+    /// The curvature over its standard uncertainty.
+    bends: f64,
+    /// Standard uncertainty of the best position, steps.
+    sigma: f64,
+    /// Twice the negative logarithm of the likelihood, and what the restricted one adds to it.
+    cost: f64,
+    restricted: f64,
+}
+
+/// Half of the interval about a middle that holds a share of a mixture of (weight, place, σ).
+fn half_width(mixture: &[(f64, f64, f64)], middle: f64, share: f64) -> f64 {
+    let total: f64 = mixture.iter().map(|(weight, ..)| weight).sum();
+    let held = |half: f64| {
+        let part = |&(weight, at, sigma): &(f64, f64, f64)| {
+            let below = |end: f64| 0.5 * libm::erfc((at - end) / (sigma * SQRT_2));
+            weight * (below(middle + half) - below(middle - half))
+        };
+        mixture.iter().map(part).sum::<f64>() / total
+    };
+    let far = |&(_, at, sigma): &(f64, f64, f64)| (at - middle).abs() + 10.0 * sigma;
+    let (mut low, mut high) = (0.0, mixture.iter().map(far).fold(0.0, f64::max));
+    for _ in 0..60 {
+        let half = 0.5 * (low + high);
+        if held(half) < share { low = half } else { high = half }
     }
+    high
 }
 
 /// Curve through points in any order.
@@ -194,59 +229,79 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
         return Err(CurveError::TooFew { found: 1, sharpest: lowest });
     }
     let freedom = used.len() - 3;
-    let shape = |shape: Shape| {
+    let answer = |shape: Shape, scatter: f64| {
+        let noise = |p: &Point| p.sigma_px.hypot(scatter * p.hfr_px);
         let of = |p: &Point| {
             let u = (p.position - middle) / scale;
             match shape {
-                Shape::Hyperbola => (u, p.hfr_px.powi(2), 2.0 * p.hfr_px * p.sigma_px),
-                Shape::Parabola => (u, p.hfr_px, p.sigma_px),
+                Shape::Hyperbola => (u, p.hfr_px.powi(2), 2.0 * p.hfr_px * noise(p)),
+                Shape::Parabola => (u, p.hfr_px, noise(p)),
             }
         };
         let rows: Vec<_> = used.iter().map(of).collect();
-        let (coefficients, covariance, _) = quadratic(&rows)?;
-        let mut curve = Curve {
-            shape,
-            best: 0.0,
-            sigma: 0.0,
-            half_width_95: 0.0,
-            least_px: 0.0,
-            chi2: 0.0,
-            fitted: used.len(),
-            coefficients,
-            middle,
-            scale,
-        };
-        // Held against the points in px for both shapes, so that they can be compared.
-        curve.chi2 = used
-            .iter()
-            .map(|p| {
-                let value = curve.at(p.position);
-                let value = if value.is_finite() { value } else { 0.0 };
-                ((p.hfr_px - value) / p.sigma_px).powi(2)
-            })
-            .sum();
+        let (coefficients, covariance, volume) = quadratic(&rows)?;
         let [_, c1, c2] = coefficients;
-        let enlarge = (curve.chi2 / freedom as f64).max(1.0);
-        let bends = c2 / (covariance[2][2] * enlarge).sqrt();
         let u = -c1 / (2.0 * c2);
         // ∂u/∂c₁ = −1/2c₂, ∂u/∂c₂ = −u/c₂.
         let (by1, by2) = (-0.5 / c2, -u / c2);
         let variance = by1 * by1 * covariance[1][1]
             + 2.0 * by1 * by2 * covariance[1][2]
             + by2 * by2 * covariance[2][2];
-        curve.best = middle + scale * u;
-        curve.sigma = scale * (variance.max(0.0) * enlarge).sqrt();
-        curve.half_width_95 = student(freedom) * curve.sigma;
+        let mut curve = Curve {
+            shape,
+            best: middle + scale * u,
+            sigma: 0.0,
+            half_width_95: 0.0,
+            least_px: 0.0,
+            chi2: 0.0,
+            scatter,
+            fitted: used.len(),
+            coefficients,
+            middle,
+            scale,
+        };
         curve.least_px = curve.at(curve.best);
-        Some((curve, bends))
+        // Held against the points in px for both shapes, so that they can be compared.
+        let off = |p: &Point| {
+            let value = curve.at(p.position);
+            p.hfr_px - if value.is_finite() { value } else { 0.0 }
+        };
+        let chi2 = used.iter().map(|p| (off(p) / p.sigma_px).powi(2)).sum();
+        let cost = used.iter().map(|p| (off(p) / noise(p)).powi(2) + 2.0 * noise(p).ln()).sum();
+        curve.chi2 = chi2;
+        let bends = c2 / covariance[2][2].sqrt();
+        let sigma = scale * variance.max(0.0).sqrt();
+        Some(Answer { curve, bends, sigma, cost, restricted: volume.ln() })
     };
-    let found = [Shape::Hyperbola, Shape::Parabola].map(shape);
-    let usable = found
-        .into_iter()
-        .flatten()
-        .filter(|(curve, bends)| *bends > 3.0 && curve.least_px > 0.0)
-        .map(|(curve, _)| curve);
-    let best = usable.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let mut answers = Vec::new();
+    let mut least_cost = f64::INFINITY;
+    let mut best: Option<Curve> = None;
+    for shape in [Shape::Hyperbola, Shape::Parabola] {
+        let of: Vec<Answer> =
+            scatters().filter_map(|s| answer(shape, s)).filter(|a| a.sigma > 0.0).collect();
+        // The restricted part has the units of the shape's own numbers.
+        let Some(reference) = of.first().map(|a| a.restricted) else { continue };
+        let cost = |a: &Answer| a.cost + a.restricted - reference;
+        let Some(likeliest) = of.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))) else {
+            continue;
+        };
+        if !(likeliest.bends > 3.0 && likeliest.curve.least_px > 0.0) {
+            continue;
+        }
+        if cost(likeliest) < least_cost {
+            least_cost = cost(likeliest);
+            best = Some(likeliest.curve);
+        }
+        answers.extend(of.iter().map(|a| (cost(a), a.curve.best, a.sigma)));
+    }
+    let best = best.map(|mut curve| {
+        let weigh =
+            |(cost, at, sigma): (f64, f64, f64)| ((-0.5 * (cost - least_cost)).exp(), at, sigma);
+        let mixture: Vec<_> = answers.into_iter().map(weigh).collect();
+        curve.sigma = half_width(&mixture, curve.best, 0.682_689);
+        curve.half_width_95 = half_width(&mixture, curve.best, 0.95);
+        curve
+    });
     let lowest = lowest.unwrap_or(middle);
     let edge = |best: f64, next: f64| CurveError::AtEdge { best, from, to, next };
     let Some(curve) = best else {
@@ -255,7 +310,7 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
             .filter(|p| p.position < lowest)
             .count()
             .min(all.iter().filter(|p| p.position > lowest).count());
-        let noise = used.iter().map(|p| p.sigma_px).fold(0.0, f64::max);
+        let noise = used.iter().map(|p| p.sigma_px.hypot(TYPICAL * p.hfr_px)).fold(0.0, f64::max);
         return Err(if most - least > 6.0 * noise && ends < EACH_SIDE {
             edge(lowest, lowest)
         } else {

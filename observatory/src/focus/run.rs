@@ -390,7 +390,7 @@ fn go(
     result.there = there;
     // Where it should stand, and not where it says that it does: a focuser that stands still elsewhere is on the curve, too.
     let expected = curve.at(best);
-    let noise = points.iter().map(|p| p.sigma_px).fold(0.0, f64::max);
+    let noise = points.iter().map(|p| p.sigma_px).fold(curve.scatter * expected, f64::max);
     match there {
         Some(there) if there.hfr_px <= 1.2 * expected + 4.0 * noise.hypot(there.sigma_px) => {}
         there => {
