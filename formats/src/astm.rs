@@ -141,7 +141,10 @@ struct Columns {
 /// A [`ParseError`] with line: no line of names, an angle that none of them names or two do, angles of the half vector, fewer than one column of values, a row with another number of values, what is no number,
 /// angles from the normal of more than π/2, another number of rows than the header says.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<AstmScatter, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<AstmScatter, ParseError> {
     let bad = |line: usize, found: &str, expected: &str| {
         ParseError::new(path, excerpt(found), expected).at_line(line as u64)
     };

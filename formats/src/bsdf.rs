@@ -115,7 +115,10 @@ impl TensorFile {
     /// # Errors
     /// A [`ParseError`] with the field: not a tensor file, another version, cut off, an unknown type, a name twice.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_bytes_at(path.as_ref(), bytes)
+    }
+
+    fn from_bytes_at(path: &Path, bytes: &[u8]) -> Result<Self, ParseError> {
         let mut reader = Reader { path, bytes, at: 0, field: "header".to_owned() };
         let magic = reader.take(MAGIC.len())?;
         if magic != MAGIC {
@@ -196,6 +199,10 @@ impl TensorFile {
     /// # Errors
     /// A [`ParseError`] that names all missing fields together, or the field of a wrong type or shape.
     pub fn check_material(&self, path: impl AsRef<Path>) -> Result<(), ParseError> {
+        self.check_material_at(path.as_ref())
+    }
+
+    fn check_material_at(&self, path: &Path) -> Result<(), ParseError> {
         const NEEDED: [(&str, &str, usize); 8] = [
             ("description", "u8", 1),
             ("theta_i", "f32", 1),

@@ -130,7 +130,10 @@ impl CountSeries {
     /// A [`ParseError`] with the column: one that is missing or of another kind, a missing or negative value, a time
     /// that is not UTC, flags that are not known, a bit that has no name.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_table_at(path.as_ref(), table)
+    }
+
+    fn from_table_at(path: &Path, table: &Table) -> Result<Self, ParseError> {
         let bad = |field: &str, found: String, expected: &str| {
             ParseError::new(path, found, expected).in_field(field)
         };

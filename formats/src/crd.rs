@@ -262,7 +262,10 @@ fn is_na(word: &str) -> bool {
 /// # Errors
 /// A [`ParseError`] with line and field: no `H1` in front, another version, a field that is missing or none, ranges outside a session.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<Crd, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<Crd, ParseError> {
     let (mut version, mut lines, mut in_session) = (None, Vec::new(), false);
     for (line, text) in (1..).zip(text.lines()) {
         let text = text.trim();

@@ -67,7 +67,10 @@ pub fn read_str(
     text: &str,
     column: Option<&str>,
 ) -> Result<Curve, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text, column)
+}
+
+fn read_str_at(path: &Path, text: &str, column: Option<&str>) -> Result<Curve, ParseError> {
     if let Some(found) = foreign::read(path, text, column) {
         return found;
     }

@@ -52,12 +52,16 @@ impl ParseError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
+        Self::new_at(path.as_ref(), found.into(), expected.into())
+    }
+
+    fn new_at(path: &Path, found: String, expected: String) -> Self {
         Self(Box::new(ParseErrorParts {
-            path: path.as_ref().to_path_buf(),
+            path: path.to_path_buf(),
             line: None,
             field: None,
-            found: found.into(),
-            expected: expected.into(),
+            found: found,
+            expected: expected,
             hint: None,
         }))
     }

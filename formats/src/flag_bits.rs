@@ -55,6 +55,10 @@ impl<F: Flags<Bits = u32>> Numbering<F> {
     /// # Errors
     /// A value that is no map, a name that is no flag, a bit that is not from 0 to 31, two names for one bit.
     pub fn read(path: impl AsRef<Path>, bits: Option<&Value>) -> Result<Self, ParseError> {
+        Self::read_at(path.as_ref(), bits)
+    }
+
+    fn read_at(path: &Path, bits: Option<&Value>) -> Result<Self, ParseError> {
         let wrong = |found: String, expected: String| {
             ParseError::new(&path, found, expected).in_field("flag_bits")
         };

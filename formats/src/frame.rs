@@ -225,7 +225,10 @@ impl Frame {
         path: impl AsRef<Path>,
         overwrite: Overwrite,
     ) -> Result<(), FileError> {
-        let path = path.as_ref();
+        self.write_file_at(path.as_ref(), overwrite)
+    }
+
+    fn write_file_at(&self, path: &Path, overwrite: Overwrite) -> Result<(), FileError> {
         let mut writer = Writer::new();
         self.to_image()
             .and_then(|image| writer.image(&image))

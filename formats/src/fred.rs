@@ -60,7 +60,10 @@ fn is_comment(line: &str) -> bool {
 /// A [`ParseError`] with line: another type, angles or values in a form that is not known, a row of other than two or three numbers, scattered light before an
 /// incidence, numbers that are none, negative or infinite, angles beyond the horizon.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<FredScatter, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<FredScatter, ParseError> {
     let bad = |line: u64, found: &str, expected: &str| {
         ParseError::new(path, excerpt(found), expected).at_line(line)
     };

@@ -27,7 +27,10 @@ pub struct Jcamp {
 /// A [`ParseError`] with line and label: no JCAMP-DX, several blocks, another form of data, numbers that are none or missing, positions or counts that do not agree with
 /// the header (abscissae to 1 % of a step or the header's own rounding, DIF check values to 1e-6).
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<Jcamp, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<Jcamp, ParseError> {
     let mut header = Header::default();
     let mut data: Option<(Form, u64, Lines)> = None;
     let mut in_data = false;

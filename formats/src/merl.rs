@@ -47,7 +47,10 @@ impl MerlBrdf {
     /// # Errors
     /// A [`ParseError`]: numbers of cells that are none, fewer or more bytes than they need, a value that is no number.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_bytes_at(path.as_ref(), bytes)
+    }
+
+    fn from_bytes_at(path: &Path, bytes: &[u8]) -> Result<Self, ParseError> {
         let Some(cells) = cells(bytes) else {
             let found = "other numbers of cells";
             let expected = format!("three numbers from 2 to {MOST} (90, 90, 180)");

@@ -330,7 +330,10 @@ impl Reader<'_> {
 /// # Errors
 /// A [`ParseError`] with the block or the parameter: no file of OPUS, cut off, blocks outside the file, a parameter of another type, fewer values than points, no spectrum.
 pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<OpusFile, ParseError> {
-    let path = path.as_ref();
+    from_bytes_at(path.as_ref(), bytes)
+}
+
+fn from_bytes_at(path: &Path, bytes: &[u8]) -> Result<OpusFile, ParseError> {
     let reader = Reader { path, bytes };
     if !is_opus(bytes) {
         return Err(ParseError::new(path, "other first bytes", "0a 0a fe fe, as OPUS begins"));

@@ -50,6 +50,10 @@ fn bytes_up_to(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
 
 /// The text of `bytes`: UTF-8, a byte-order mark at its start taken off. `path` names it in errors.
 pub fn decode(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<String, ParseError> {
+    decode_at(path.as_ref(), bytes)
+}
+
+fn decode_at(path: &Path, bytes: Vec<u8>) -> Result<String, ParseError> {
     if let Some(kind) = crate::kind::of_bytes(&bytes) {
         return Err(kind.in_place_of(path, "text in UTF-8"));
     }

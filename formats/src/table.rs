@@ -122,6 +122,10 @@ fn unit_in_words(unit: &str) -> &str {
 impl TableError {
     /// The same as an error of the file that the table was read from.
     pub fn in_file(self, path: impl AsRef<Path>) -> ParseError {
+        self.in_file_at(path.as_ref())
+    }
+
+    fn in_file_at(self, path: &Path) -> ParseError {
         match self {
             Self::NoColumn { name, available } => {
                 let nearest = nearest_names(&name, available.iter().map(String::as_str), 1);

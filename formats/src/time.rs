@@ -73,6 +73,10 @@ pub struct UtcError {
 impl UtcError {
     /// The same as an error of a file; add the line and the field.
     pub fn in_file(self, path: impl AsRef<Path>) -> ParseError {
+        self.in_file_at(path.as_ref())
+    }
+
+    fn in_file_at(self, path: &Path) -> ParseError {
         let error = ParseError::new(path, self.found, self.expected);
         match self.hint {
             Some(hint) => error.with_hint(hint),

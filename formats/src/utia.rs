@@ -50,7 +50,10 @@ impl UtiaBrdf {
     /// # Errors
     /// A [`ParseError`]: another number of bytes, a value that is no number.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_bytes_at(path.as_ref(), bytes)
+    }
+
+    fn from_bytes_at(path: &Path, bytes: &[u8]) -> Result<Self, ParseError> {
         if bytes.len() != BYTES {
             let found = format!("{} bytes", bytes.len());
             let expected = format!("{BYTES}: 6 elevations by 48 azimuths, twice, three colours");

@@ -120,7 +120,10 @@ impl<'a> Lines<'a> {
 /// A [`ParseError`] with line and keyword: keywords that are missing or in another order, several rotations of the sample, tristimulus data, counts that do not agree with
 /// the values, numbers that are none or negative, angles out of range, a file that is cut off.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<ZemaxBsdf, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<ZemaxBsdf, ParseError> {
     let mut comments = Vec::new();
     let mut all = Vec::new();
     for (k, line) in text.lines().enumerate() {

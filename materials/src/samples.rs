@@ -123,7 +123,14 @@ impl Samples {
         table: &Table,
         wavelength_nm: Option<f64>,
     ) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_table_at(path.as_ref(), table, wavelength_nm)
+    }
+
+    fn from_table_at(
+        path: &Path,
+        table: &Table,
+        wavelength_nm: Option<f64>,
+    ) -> Result<Self, ParseError> {
         let bad = |field: &str, found: String, expected: &str| {
             ParseError::new(path, found, expected).in_field(field)
         };

@@ -117,7 +117,10 @@ impl RetroTable {
     /// # Errors
     /// Another kind of table, columns that are missing or in other units, angles that are radians, numbers that are none without a flag that says why, unknown flags.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_table_at(path.as_ref(), table)
+    }
+
+    fn from_table_at(path: &Path, table: &Table) -> Result<Self, ParseError> {
         let bad = |e: TableError| e.in_file(path);
         if let Some(kind) = table.meta_text("kind").filter(|kind| *kind != "retro_reflection") {
             let error = ParseError::new(path, format!("`{kind}`"), "`retro_reflection`");

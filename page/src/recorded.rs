@@ -237,6 +237,10 @@ impl Recording {
     /// # Errors
     /// A folder that is no session; a file that cannot be read. What is wrong within the log or the counts is a warning on the page.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self, FileError> {
+        Self::open_at(folder.as_ref())
+    }
+
+    fn open_at(folder: &Path) -> Result<Self, FileError> {
         let session = Session::open(folder)?;
         let start = session.manifest().start_utc;
         let mut warnings = Vec::new();

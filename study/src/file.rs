@@ -177,6 +177,10 @@ impl Study {
     /// # Errors
     /// [`StudyError`]: a file that cannot be read or makes no sense, with its line and key; a first point that makes no scene.
     pub fn read(path: impl AsRef<Path>, stations: Stations) -> Result<Self, StudyError> {
+        Self::read_at(path.as_ref(), stations)
+    }
+
+    fn read_at(path: &Path, stations: Stations) -> Result<Self, StudyError> {
         let document = Document::read(path)?;
         let keys: Keys = document.parse()?;
         let mut identity = vec![PROGRAM.to_owned(), sha256(document.source().as_bytes())];

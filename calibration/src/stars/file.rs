@@ -205,7 +205,11 @@ impl Nights {
     /// From a table. `path` names the file in errors: no calibration, a later version, a column that is missing, a κ that is none, a covariance of another
     /// size.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
-        let read = Reading { path: path.as_ref(), table };
+        Self::from_table_at(path.as_ref(), table)
+    }
+
+    fn from_table_at(path: &Path, table: &Table) -> Result<Self, ParseError> {
+        let read = Reading { path: path, table };
         read.version()?;
         let listed = table.meta.get("nights").and_then(Value::as_array);
         let listed = listed.ok_or_else(|| read.wrong("nights", "no list", "a list of nights"))?;

@@ -65,6 +65,15 @@ impl Line {
         header: &Header,
         overwrite: Overwrite,
     ) -> Result<Self, FileError> {
+        self.recorded_at(path.as_ref(), header, overwrite)
+    }
+
+    fn recorded_at(
+        self,
+        path: &Path,
+        header: &Header,
+        overwrite: Overwrite,
+    ) -> Result<Self, FileError> {
         Ok(match self {
             Self::Bytes(line) => Self::bytes(Recorded::create(line, path, header, overwrite)?),
             Self::Transfers(line) => {

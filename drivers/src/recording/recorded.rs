@@ -37,7 +37,16 @@ impl<T> Recorded<T> {
         header: &Header,
         overwrite: Overwrite,
     ) -> Result<Self, FileError> {
-        let path = path.as_ref().to_path_buf();
+        Self::create_at(inner, path.as_ref(), header, overwrite)
+    }
+
+    fn create_at(
+        inner: T,
+        path: &Path,
+        header: &Header,
+        overwrite: Overwrite,
+    ) -> Result<Self, FileError> {
+        let path = path.to_path_buf();
         let text = header.to_text().map_err(|error| FileError::encode(&path, error))?;
         let mut options = File::options();
         options.write(true);

@@ -51,7 +51,10 @@ impl Response {
     /// # Errors
     /// A [`ParseError`] with the line.
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::parse_at(path.as_ref(), text)
+    }
+
+    fn parse_at(path: &Path, text: &str) -> Result<Self, ParseError> {
         let lines = text.lines().map(str::trim).zip(1_u64..);
         let mut lines = lines.filter(|(line, _)| !line.is_empty() && !line.starts_with('#'));
         let error = |found: &str, line, expected: &str| {

@@ -90,7 +90,10 @@ pub fn read(path: impl AsRef<Path>) -> Result<Vec<Tle>, FileError> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Vec<Tle>, ParseError> {
-    let path = path.as_ref();
+    parse_at(path.as_ref(), text)
+}
+
+fn parse_at(path: &Path, text: &str) -> Result<Vec<Tle>, ParseError> {
     match sets(path, text) {
         None => tle::parse(path, text),
         Some(sets) => {
@@ -103,7 +106,10 @@ pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Vec<Tle>, ParseError>
 /// The good sets of a text, in any [`Form`], and what is wrong with the others. A text that is not of its form at all, or has no
 /// elements, has one error, which says so.
 pub fn parse_lenient(path: impl AsRef<Path>, text: &str) -> (Vec<Tle>, Vec<ParseError>) {
-    let path = path.as_ref();
+    parse_lenient_at(path.as_ref(), text)
+}
+
+fn parse_lenient_at(path: &Path, text: &str) -> (Vec<Tle>, Vec<ParseError>) {
     let sets = match sets(path, text) {
         None => return tle::parse_lenient(path, text),
         Some(Err(error)) => return (Vec::new(), vec![error]),
@@ -142,12 +148,16 @@ fn nothing(path: &Path) -> ParseError {
 
 /// The sets of a list in JSON that [`parse`] reads, as they stand there; `None` of other texts.
 pub(super) fn good_json(path: impl AsRef<Path>, text: &str) -> Option<String> {
+    good_json_at(path.as_ref(), text)
+}
+
+fn good_json_at(path: &Path, text: &str) -> Option<String> {
     if Form::of(text) != Form::Json {
         return None;
     }
     let all: Vec<&serde_json::value::RawValue> =
         serde_json::from_str(text.trim_start_matches('\u{feff}')).ok()?;
-    let is_good = |raw: &&&serde_json::value::RawValue| parse(path.as_ref(), raw.get()).is_ok();
+    let is_good = |raw: &&&serde_json::value::RawValue| parse(path, raw.get()).is_ok();
     let good: Vec<&str> = all.iter().filter(is_good).map(|raw| raw.get()).collect();
     Some(format!("[\n{}\n]\n", good.join(",\n")))
 }

@@ -40,7 +40,10 @@ impl Ephemeris {
     /// # Errors
     /// The errors of [`Ephemeris::read`].
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::parse_at(path.as_ref(), text)
+    }
+
+    fn parse_at(path: &Path, text: &str) -> Result<Self, ParseError> {
         let stem = path.file_stem().map_or_else(|| "target".into(), |s| s.to_string_lossy());
         let (name, rows, lines) = if messages::is_one(text) {
             let found = messages::read(path, text)?;

@@ -118,7 +118,10 @@ pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Vec<Tle>, ParseError>
 /// The good sets of a text, and what is wrong with the others: for catalogues of thousands, in which one bad set should not
 /// hide the rest. A text without a single line of elements has one error, which says so.
 pub fn parse_lenient(path: impl AsRef<Path>, text: &str) -> (Vec<Tle>, Vec<ParseError>) {
-    let path = path.as_ref();
+    parse_lenient_at(path.as_ref(), text)
+}
+
+fn parse_lenient_at(path: &Path, text: &str) -> (Vec<Tle>, Vec<ParseError>) {
     let (mut good, mut bad) = (Vec::new(), Vec::new());
     for one in Scanner::new(path, text) {
         match one {

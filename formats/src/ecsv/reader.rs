@@ -21,7 +21,10 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, FileError> {
 /// not read (see the module), columns that differ between the header and the rows, a wrong number of fields, a value
 /// that is not of the datatype.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<Table, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text)
+}
+
+fn read_str_at(path: &Path, text: &str) -> Result<Table, ParseError> {
     let (yaml, rest, line) = split_header(path, text)?;
     let header = parse_header(path, &yaml)?;
     let delimiter = match header.delimiter.as_deref() {

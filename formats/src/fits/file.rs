@@ -62,8 +62,11 @@ impl Hdu {
 /// # Errors
 /// A [`ParseError`] if the packed stream is damaged or unpacks to more than `most` bytes, or if it is packed in another way that is known, with the command that unpacks it.
 pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<u8>, ParseError> {
+    inflate_at(path.as_ref(), bytes, most)
+}
+
+fn inflate_at(path: &Path, bytes: Vec<u8>, most: u64) -> Result<Vec<u8>, ParseError> {
     use std::io::Read as _;
-    let path = path.as_ref();
     let mut unpacked = Vec::new();
     // One byte more than allowed tells that there is more.
     let result = match bytes.as_slice() {
@@ -120,7 +123,10 @@ fn packed_otherwise(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
 impl Fits {
     /// Reads a file; one packed with gzip or zlib is unpacked, up to 64 MiB or 256 times its size.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let bytes = crate::read::bytes(path)?;
         let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
         let bytes = inflate(path, bytes, most)?;
@@ -134,7 +140,11 @@ impl Fits {
     /// A [`ParseError`] with the keyword: no FITS file, a header without END, a layout that makes no sense, data cut
     /// off.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, ParseError> {
-        let mut fits = Self { path: path.as_ref().to_path_buf(), bytes, hdus: Vec::new() };
+        Self::from_bytes_at(path.as_ref(), bytes)
+    }
+
+    fn from_bytes_at(path: &Path, bytes: Vec<u8>) -> Result<Self, ParseError> {
+        let mut fits = Self { path: path.to_path_buf(), bytes, hdus: Vec::new() };
         let mut at = 0;
         while at < fits.bytes.len() {
             let rest = &fits.bytes[at..];

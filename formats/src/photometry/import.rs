@@ -49,7 +49,15 @@ pub fn import(
     names: &ColumnNames,
     rows: &ObjectRows,
 ) -> Result<Import, ImportError> {
-    let path = path.as_ref();
+    import_at(path.as_ref(), bytes, names, rows)
+}
+
+fn import_at(
+    path: &Path,
+    bytes: Vec<u8>,
+    names: &ColumnNames,
+    rows: &ObjectRows,
+) -> Result<Import, ImportError> {
     let objects = |why| ImportError::Objects { path: path.to_path_buf(), why };
     let mut import = match open_named(path, bytes, &names.all)? {
         Source::Samples(format, samples) => {

@@ -187,7 +187,10 @@ pub fn open_named(
     bytes: Vec<u8>,
     columns: &[String],
 ) -> Result<Source, ParseError> {
-    let path = path.as_ref();
+    open_named_at(path.as_ref(), bytes, columns)
+}
+
+fn open_named_at(path: &Path, bytes: Vec<u8>, columns: &[String]) -> Result<Source, ParseError> {
     let source = opened(path, bytes, columns)?;
     if !columns.is_empty() && !matches!(source, Source::Table(words::CSV | words::TEXT, _)) {
         let found = "a format whose columns have names";
@@ -292,7 +295,10 @@ pub fn read_str(
     text: &str,
     format: Format,
 ) -> Result<Photometry, ParseError> {
-    let path = path.as_ref();
+    read_str_at(path.as_ref(), text, format)
+}
+
+fn read_str_at(path: &Path, text: &str, format: Format) -> Result<Photometry, ParseError> {
     let read = match format {
         Format::Mmt9 => mmt9(path, text)?,
         Format::Alcdef => alcdef(path, text)?,

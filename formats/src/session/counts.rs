@@ -74,7 +74,10 @@ impl Counts {
     /// # Errors
     /// The system's, or a header that is not one of counts.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::open_at(path.as_ref())
+    }
+
+    fn open_at(path: &Path) -> Result<Self, FileError> {
         let file = File::open(path).map_err(|error| FileError::io("read", path, error))?;
         let mut counts = Self {
             path: path.to_path_buf(),

@@ -321,7 +321,10 @@ impl Event {
     /// # Errors
     /// A [`ParseError`] with the field: no JSON object, no time, fields that a known kind has not.
     pub fn from_line(path: impl AsRef<Path>, line: &str) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_line_at(path.as_ref(), line)
+    }
+
+    fn from_line_at(path: &Path, line: &str) -> Result<Self, ParseError> {
         let bad = |found: String, expected: &str| ParseError::new(path, found, expected);
         let parsed: Value = serde_json::from_str(line).map_err(|e| {
             bad(crate::error::excerpt(line), "a JSON object").with_hint(e.to_string())

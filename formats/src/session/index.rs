@@ -53,7 +53,10 @@ impl CountIndex {
     /// # Errors
     /// The system's; a header that is not one of counts.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::open_at(path.as_ref())
+    }
+
+    fn open_at(path: &Path) -> Result<Self, FileError> {
         // The header as the reader of tables takes it.
         let channels = Counts::open(path)?.channels().to_vec();
         let mut index = Self {

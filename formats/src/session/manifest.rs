@@ -117,6 +117,10 @@ impl Manifest {
     /// # Errors
     /// The system's, or a [`ParseError`]: another version of the format, a key that is missing or unknown.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let document = Document::read(path)?;
         /// The format's key alone, which manifests of any version have.
         #[derive(Deserialize)]

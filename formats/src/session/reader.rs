@@ -160,7 +160,11 @@ impl Events {
     /// # Errors
     /// The system's.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref().to_path_buf();
+        Self::open_at(path.as_ref())
+    }
+
+    fn open_at(path: &Path) -> Result<Self, FileError> {
+        let path = path.to_path_buf();
         let file = File::open(&path).map_err(|error| FileError::io("read", &path, error))?;
         Ok(Self { path, file: BufReader::new(file), line: 0, torn_bytes: 0, marks: true })
     }

@@ -132,7 +132,15 @@ impl SessionWriter {
         manifest: &Manifest,
         files: &[(String, Vec<u8>)],
     ) -> Result<Self, FileError> {
-        let root = root.as_ref();
+        Self::create_at(storage, root.as_ref(), manifest, files)
+    }
+
+    fn create_at(
+        storage: Arc<dyn Storage>,
+        root: &Path,
+        manifest: &Manifest,
+        files: &[(String, Vec<u8>)],
+    ) -> Result<Self, FileError> {
         if root.symlink_metadata().is_ok() {
             return Err(FileError::Exists { path: root.to_path_buf() });
         }
@@ -203,7 +211,16 @@ impl SessionWriter {
         program: &str,
         utc: Epoch,
     ) -> Result<(Self, Resumed), FileError> {
-        let session = Session::open(root.as_ref())?;
+        Self::resume_at(storage, root.as_ref(), program, utc)
+    }
+
+    fn resume_at(
+        storage: Arc<dyn Storage>,
+        root: &Path,
+        program: &str,
+        utc: Epoch,
+    ) -> Result<(Self, Resumed), FileError> {
+        let session = Session::open(root)?;
         let root = session.root().to_path_buf();
         let io = |path: &Path| {
             let path = path.to_path_buf();

@@ -45,7 +45,10 @@ impl TagFile {
     /// [`FileError::Io`] if it is not a plain file or cannot be read; [`FileError::Parse`] if its length is no multiple of
     /// 16 bytes: [`TagFile::recover`] reads it up to there.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::open_at(path.as_ref())
+    }
+
+    fn open_at(path: &Path) -> Result<Self, FileError> {
         let file = BytesAt::open(path)?;
         let torn = file.len() % RECORD_BYTES as u64;
         if torn > 0 {
@@ -68,7 +71,11 @@ impl TagFile {
     /// # Errors
     /// [`FileError::Io`] if it is not a plain file or cannot be read.
     pub fn recover(path: impl AsRef<Path>) -> Result<(Self, Recovered), FileError> {
-        let mut file = Self::of(BytesAt::open(path.as_ref())?);
+        Self::recover_at(path.as_ref())
+    }
+
+    fn recover_at(path: &Path) -> Result<(Self, Recovered), FileError> {
+        let mut file = Self::of(BytesAt::open(path)?);
         let zero_records = file.zeros_at_end()?;
         let torn_bytes = file.file.len() % RECORD_BYTES as u64;
         file.records -= zero_records;

@@ -39,7 +39,10 @@ impl TagWriter {
     /// [`FileError::Exists`] if it is there already ([`TagWriter::append`] goes on with one); [`FileError::Io`] if the system
     /// refuses.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::create_at(path.as_ref())
+    }
+
+    fn create_at(path: &Path) -> Result<Self, FileError> {
         let file = OpenOptions::new().write(true).create_new(true).open(path);
         let file = file.map_err(|source| match source.kind() {
             std::io::ErrorKind::AlreadyExists => FileError::Exists { path: path.to_path_buf() },
@@ -63,7 +66,10 @@ impl TagWriter {
     /// # Errors
     /// [`FileError::Io`] if it is not a plain file, another writer is at it, or the system refuses.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, u64), FileError> {
-        let path = path.as_ref();
+        Self::append_at(path.as_ref())
+    }
+
+    fn append_at(path: &Path) -> Result<(Self, u64), FileError> {
         // Refuses what is not a plain file, before it is opened for writing.
         super::TagFile::recover(path)?;
         let io = |source| FileError::io("write", path, source);

@@ -17,21 +17,41 @@ pub(super) struct Value<'s> {
     pub start: usize,
 }
 
+/// Where a value stands and how a person would call it, for its errors.
+struct Place {
+    start: usize,
+    name: String,
+}
+
+// What follows is made anew for every type that is read, and inlined wherever a field of it is: small pieces that are called keep programs small, and their build quick.
+impl Place {
+    #[cold]
+    #[inline(never)]
+    fn mark(self, error: Error) -> Error {
+        error.at(self.start, self.name)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn mark_within(self, error: Error, step: Step) -> Error {
+        error.at(self.start, self.name).within(step)
+    }
+}
+
 impl<'s> Value<'s> {
     fn new(spanned: Spanned<DeValue<'s>>) -> Self {
         let start = spanned.span().start;
         Self { value: spanned.into_inner(), start }
     }
 
-    /// Runs a visit and gives its error the place of this value.
-    fn visit<T>(self, visit: impl FnOnce(DeValue<'s>) -> Result<T, Error>) -> Result<T, Error> {
-        let Self { value, start } = self;
-        let name = describe(&value);
-        visit(value).map_err(|error| error.at(start, || name))
+    #[inline(never)]
+    fn place(&self) -> Place {
+        Place { start: self.start, name: describe(&self.value) }
     }
 }
 
 /// A value as a person would call it, in one line.
+#[inline(never)]
 pub(super) fn describe(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => {
@@ -68,8 +88,10 @@ fn visit_integer<'de, V: Visitor<'de>>(
 impl<'de> Deserializer<'de> for Value<'_> {
     type Error = Error;
 
+    #[inline(never)]
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        self.visit(|value| match value {
+        let place = self.place();
+        let read = match self.value {
             DeValue::String(text) => visitor.visit_str(&text),
             DeValue::Integer(number) => visit_integer(&number, visitor),
             DeValue::Float(number) => match number.as_str().parse() {
@@ -83,10 +105,11 @@ impl<'de> Deserializer<'de> for Value<'_> {
             // As text, which `time::Utc` reads; the TOML grammar has checked its form.
             DeValue::Datetime(time) => visitor.visit_str(&time.to_string()),
             DeValue::Array(items) => {
-                visitor.visit_seq(Items { items: items.into_iter().enumerate(), last: 0 })
+                visitor.visit_seq(Items { items: items.into_iter().enumerate() })
             }
             DeValue::Table(table) => visitor.visit_map(Entries::new(table)),
-        })
+        };
+        read.map_err(|error| place.mark(error))
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
@@ -98,9 +121,9 @@ impl<'de> Deserializer<'de> for Value<'_> {
         _name: &'static str,
         visitor: V,
     ) -> Result<V::Value, Error> {
-        let (start, name) = (self.start, describe(&self.value));
+        let place = self.place();
         // A newtype's own check fails after its value was read.
-        visitor.visit_newtype_struct(self).map_err(|error| error.at(start, || name))
+        visitor.visit_newtype_struct(self).map_err(|error| place.mark(error))
     }
 
     fn deserialize_enum<V: Visitor<'de>>(
@@ -109,7 +132,8 @@ impl<'de> Deserializer<'de> for Value<'_> {
         _variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Error> {
-        self.visit(|value| match value {
+        let place = self.place();
+        let read = match self.value {
             DeValue::String(text) => visitor.visit_enum(Variant { name: text, content: None }),
             DeValue::Table(table) if table.len() == 1 => {
                 let mut entries = Entries::new(table);
@@ -126,7 +150,8 @@ impl<'de> Deserializer<'de> for Value<'_> {
                 Unexpected::Other("another value"),
                 &"the name of a variant, or a table with one key, its name",
             )),
-        })
+        };
+        read.map_err(|error| place.mark(error))
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -136,10 +161,12 @@ impl<'de> Deserializer<'de> for Value<'_> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         // A derived struct would also take an array, by position: that is never meant in a file.
-        self.visit(|value| match value {
+        let place = self.place();
+        let read = match self.value {
             DeValue::Table(table) => visitor.visit_map(Entries::new(table)),
             _ => Err(Error::invalid_type(Unexpected::Other("another value"), &visitor)),
-        })
+        };
+        read.map_err(|error| place.mark(error))
     }
 
     forward_to_deserialize_any! {
@@ -149,25 +176,24 @@ impl<'de> Deserializer<'de> for Value<'_> {
 }
 
 /// The elements of an array.
-struct Items<'s, I: Iterator<Item = (usize, Spanned<DeValue<'s>>)>> {
-    items: I,
-    last: usize,
+struct Items<'s> {
+    items: std::iter::Enumerate<std::vec::IntoIter<Spanned<DeValue<'s>>>>,
 }
 
-impl<'de, 's, I: Iterator<Item = (usize, Spanned<DeValue<'s>>)>> SeqAccess<'de> for Items<'s, I> {
+impl<'de> SeqAccess<'de> for Items<'_> {
     type Error = Error;
 
+    #[inline(never)]
     fn next_element_seed<T: DeserializeSeed<'de>>(
         &mut self,
         seed: T,
     ) -> Result<Option<T::Value>, Error> {
         let Some((index, item)) = self.items.next() else { return Ok(None) };
-        self.last = index;
         let item = Value::new(item);
-        let (start, name) = (item.start, describe(&item.value));
+        let place = item.place();
         seed.deserialize(item)
             .map(Some)
-            .map_err(|error| error.at(start, || name).within(Step::Index(index)))
+            .map_err(|error| place.mark_within(error, Step::Index(index)))
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -183,35 +209,46 @@ pub(super) struct Entries<'s> {
 }
 
 impl<'s> Entries<'s> {
+    #[inline(never)]
     pub fn new(table: DeTable<'s>) -> Self {
         let mut rest: Vec<_> = table.into_iter().collect();
         rest.sort_by_key(|(key, _)| key.span().start);
         Self { rest: rest.into(), current: None }
+    }
+
+    /// Makes the next entry the current one: its key, and the byte at which that begins.
+    #[inline(never)]
+    fn advance(&mut self) -> Option<(&str, usize)> {
+        let (key, value) = self.rest.pop_front()?;
+        let start = key.span().start;
+        let (key, _) = self.current.insert((key.into_inner().into_owned(), Value::new(value)));
+        Some((key, start))
     }
 }
 
 impl<'de> MapAccess<'de> for Entries<'_> {
     type Error = Error;
 
+    #[inline(never)]
     fn next_key_seed<K: DeserializeSeed<'de>>(
         &mut self,
         seed: K,
     ) -> Result<Option<K::Value>, Error> {
-        let Some((key, value)) = self.rest.pop_front() else { return Ok(None) };
-        let start = key.span().start;
-        let key = key.into_inner();
-        let result = seed.deserialize(StrDeserializer::<Error>::new(&key));
-        let result = result.map_err(|error| error.at(start, || format!("the key `{key}`")));
-        self.current = Some((key.into_owned(), Value::new(value)));
-        result.map(Some)
+        let Some((key, start)) = self.advance() else { return Ok(None) };
+        let read = seed.deserialize(StrDeserializer::<Error>::new(key));
+        read.map(Some).map_err(|error| {
+            let name = format!("the key `{key}`");
+            Place { start, name }.mark(error)
+        })
     }
 
+    #[inline(never)]
     fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, Error> {
         let Some((key, value)) = self.current.take() else {
             return Err(Error::custom("a value was asked for before its key"));
         };
-        let (start, name) = (value.start, describe(&value.value));
-        seed.deserialize(value).map_err(|error| error.at(start, || name).within(Step::Key(key)))
+        let place = value.place();
+        seed.deserialize(value).map_err(|error| place.mark_within(error, Step::Key(key)))
     }
 }
 
@@ -247,8 +284,8 @@ impl<'s> Content<'s> {
                 &format!("a table `{} = …` with its content", self.name).as_str(),
             ));
         };
-        let (start, name) = (value.start, describe(&value.value));
-        read(value).map_err(|error| error.at(start, || name).within(Step::Key(self.name)))
+        let place = value.place();
+        read(value).map_err(|error| place.mark_within(error, Step::Key(self.name)))
     }
 }
 

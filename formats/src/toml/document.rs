@@ -30,7 +30,11 @@ impl Document {
     /// # Errors
     /// A [`ParseError`] with the line if the text is not TOML.
     pub fn new(path: impl AsRef<Path>, source: impl Into<String>) -> Result<Self, ParseError> {
-        let document = Self { path: path.as_ref().to_path_buf(), source: source.into() };
+        Self::new_at(path.as_ref(), source.into())
+    }
+
+    fn new_at(path: &Path, source: String) -> Result<Self, ParseError> {
+        let document = Self { path: path.to_path_buf(), source: source };
         match document.tree() {
             Ok(_) => Ok(document),
             // A file of another kind is named as that, and not by its first line.

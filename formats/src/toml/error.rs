@@ -45,10 +45,10 @@ impl Error {
     }
 
     /// The place, unless a deeper level knew it.
-    pub fn at(mut self, byte: usize, value: impl FnOnce() -> String) -> Self {
+    pub fn at(mut self, byte: usize, value: String) -> Self {
         if self.at.is_none() {
             self.at = Some(byte);
-            self.value = Some(value());
+            self.value = Some(value);
         }
         self
     }

@@ -74,7 +74,10 @@ fn meta(ndf: &Ndf) -> Meta {
 /// # Errors
 /// Another kind of table, columns that are missing, densities that are negative, directions that are no grid, metadata that are missing.
 pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Ndf, ParseError> {
-    let path = path.as_ref();
+    from_table_at(path.as_ref(), table)
+}
+
+fn from_table_at(path: &Path, table: &Table) -> Result<Ndf, ParseError> {
     let bad = |field: &str, found: String, expected: &str| {
         ParseError::new(path, found, expected).in_field(field)
     };

@@ -359,7 +359,10 @@ impl LightCurve {
     /// A curve from a table of the schema. `path` names the file in errors: a column that the schema does not know, a channel that is not
     /// whole, a sample that is no number and not flagged, an exposure that is not above 0.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_table_at(path.as_ref(), table)
+    }
+
+    fn from_table_at(path: &Path, table: &Table) -> Result<Self, ParseError> {
         let kind = match table.meta_text("quantity") {
             Some(text) => text.parse().map_err(|expected: String| {
                 ParseError::new(path, format!("`{text}`"), expected).in_field("quantity")

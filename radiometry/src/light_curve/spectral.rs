@@ -136,7 +136,10 @@ impl SpectralLightCurve {
 
     /// A curve from the bytes of a FITS file; `path` names it in errors.
     pub fn from_fits(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, ParseError> {
-        let path = path.as_ref();
+        Self::from_fits_at(path.as_ref(), bytes)
+    }
+
+    fn from_fits_at(path: &Path, bytes: Vec<u8>) -> Result<Self, ParseError> {
         let fits = Fits::from_bytes(path, bytes)?;
         let missing = |what: &str| {
             ParseError::new(path, "none", what)

@@ -499,7 +499,10 @@ impl Station {
     /// # Errors
     /// A file that cannot be read, or that says what a station cannot be: with path, line and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let path = if path.is_dir() { path.join("station.toml") } else { path.to_path_buf() };
         let mut sources: Vec<(PathBuf, String)> = Vec::new();
         let mut read = |path: &Path| {

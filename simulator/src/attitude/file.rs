@@ -193,6 +193,10 @@ impl Attitude {
     /// # Errors
     /// A file that cannot be read, one without `[attitude]`, and what that has wrong, with line and key.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let document = Document::read(path)?;
         let file: AnyFile = document.parse()?;
         attitude(&document, "attitude", &file.attitude, &mut |name| {

@@ -140,7 +140,10 @@ impl PassFile {
     /// # Errors
     /// A file that cannot be read; an unknown or missing key, a value of a wrong kind: with line and key.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let source = input(path, &bytes);
         let document = Document::new(path, sunglint_formats::read::decode(path, bytes)?)?;
@@ -153,7 +156,10 @@ impl PassFile {
     /// # Errors
     /// The errors of [`PassFile::read`], but for the reading.
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::parse_at(path.as_ref(), text)
+    }
+
+    fn parse_at(path: &Path, text: &str) -> Result<Self, FileError> {
         let document = Document::new(path, text)?;
         let keys = document.parse()?;
         Ok(Self { document, keys, sources: vec![input(path, text.as_bytes())] })

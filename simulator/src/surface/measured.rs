@@ -40,7 +40,10 @@ pub fn material(
     path: impl AsRef<Path>,
     file: &TensorFile,
 ) -> Result<Material, ParseError> {
-    let path = path.as_ref();
+    material_at(name.into(), path.as_ref(), file)
+}
+
+fn material_at(name: String, path: &Path, file: &TensorFile) -> Result<Material, ParseError> {
     if file.get("rgb").is_some() && file.get("wavelengths").is_none() {
         let error = ParseError::new(path, "an RGB file", "a file with `wavelengths` and `spectra`");
         let hint =
@@ -57,7 +60,7 @@ pub fn material(
     }
     let ways = vec![(0.8, Proposal::Tensor(tensor.clone())), (0.2, Proposal::Cosine)];
     let law = Arc::new(tensor.clone());
-    let made = Material::of_law(name.into(), spectra, law, Mixture::new(ways), true);
+    let made = Material::of_law(name, spectra, law, Mixture::new(ways), true);
     let mut made = made.map_err(wrong)?;
     if tensor.has_gaps() {
         let (first, last) = (tensor.theta_i[0], tensor.theta_i[tensor.theta_i.len() - 1]);
@@ -81,7 +84,13 @@ pub fn nodes(
     path: impl AsRef<Path>,
     file: &TensorFile,
 ) -> Result<(Vec<f64>, Vec<super::brdf_table::Row>), ParseError> {
-    let path = path.as_ref();
+    nodes_at(path.as_ref(), file)
+}
+
+fn nodes_at(
+    path: &Path,
+    file: &TensorFile,
+) -> Result<(Vec<f64>, Vec<super::brdf_table::Row>), ParseError> {
     // Of all that a material is refused for.
     material("nodes", path, file)?;
     let (tensor, wavelengths) = Fields { path, file }.tensor()?;

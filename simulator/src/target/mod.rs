@@ -48,7 +48,10 @@ impl Target {
     /// # Errors
     /// [`FileError`] with file, line and key.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::read_at(path.as_ref())
+    }
+
+    fn read_at(path: &Path) -> Result<Self, FileError> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let hash = file::sha256(&bytes);
         let mut target = Self::parse(path, sunglint_formats::read::decode(path, bytes)?)?;
@@ -61,9 +64,12 @@ impl Target {
     /// # Errors
     /// [`FileError`] with file, line and key.
     pub fn parse(path: impl AsRef<Path>, text: impl Into<String>) -> Result<Self, FileError> {
-        let document = Document::new(path, text)?;
+        Self::of_document(&Document::new(path, text)?)
+    }
+
+    fn of_document(document: &Document) -> Result<Self, FileError> {
         let file: TargetFile = document.parse()?;
-        file::target(&document, "", &file)
+        file::target(document, "", &file)
     }
 }
 

@@ -108,6 +108,15 @@ impl VirtualObservatory {
         start: Epoch,
         orientation: &EarthOrientation,
     ) -> Result<Self, ObservatoryError> {
+        Self::read_at(path.as_ref(), station, start, orientation)
+    }
+
+    fn read_at(
+        path: &Path,
+        station: &Station,
+        start: Epoch,
+        orientation: &EarthOrientation,
+    ) -> Result<Self, ObservatoryError> {
         let document = Document::read(path)?;
         let options = options(&document)?;
         let mut curve = |file: &str| light_curve(&document.resolve(file));
