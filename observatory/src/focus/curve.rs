@@ -4,11 +4,12 @@
 //!
 //! Points scatter by their own noise, which they state, and by a part s of the radius, which nobody knows: seeing that changes from frame to frame, guiding,
 //! other stars in the aperture. Few points tell s badly. So x₀ is asked of every s from 0.01 % to 30 % and of both shapes, and each answer counts by its
-//! likelihood (restricted, Patterson and Thompson 1971, with each factor in s as likely as another). Intervals are those of all answers together. With nothing
+//! likelihood (restricted, Patterson and Thompson 1971, with each factor in s and the light's noise together as likely as another). Intervals are those of all answers together. With nothing
 //! but s they are Student's; points that lie on the curve by chance make none that is narrower than the light's noise.
 
 use serde::Serialize;
 use std::f64::consts::SQRT_2;
+use sunglint_numerics::order::median;
 
 /// Fewest points of a curve.
 pub const FEWEST: usize = 5;
@@ -273,26 +274,34 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
         let sigma = scale * variance.max(0.0).sqrt();
         Some(Answer { curve, bends, sigma, cost, restricted: volume.ln() })
     };
+    // Each factor in light's noise and scatter together is as likely as another: a scatter far below the noise is hardly one.
+    let light = median(used.iter().map(|p| p.sigma_px / p.hfr_px)).unwrap_or(0.0);
+    let prior = |s: f64| -2.0 * (s / (s + light)).ln();
     let mut answers = Vec::new();
     let mut least_cost = f64::INFINITY;
     let mut best: Option<Curve> = None;
     for shape in [Shape::Hyperbola, Shape::Parabola] {
-        let of: Vec<Answer> =
-            scatters().filter_map(|s| answer(shape, s)).filter(|a| a.sigma > 0.0).collect();
+        let of: Vec<Answer> = scatters().filter_map(|s| answer(shape, s)).collect();
         // The restricted part has the units of the shape's own numbers.
         let Some(reference) = of.first().map(|a| a.restricted) else { continue };
-        let cost = |a: &Answer| a.cost + a.restricted - reference;
-        let Some(likeliest) = of.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))) else {
-            continue;
-        };
-        if !(likeliest.bends > 3.0 && likeliest.curve.least_px > 0.0) {
+        let cost = |a: &Answer| a.cost + a.restricted - reference + prior(a.curve.scatter);
+        let least = of.iter().map(cost).fold(f64::INFINITY, f64::min);
+        let weight = |a: &Answer| (-0.5 * (cost(a) - least)).exp();
+        let all: f64 = of.iter().map(weight).sum();
+        let usable: Vec<&Answer> = of
+            .iter()
+            .filter(|a| a.bends > 3.0 && a.curve.least_px > 0.0 && a.sigma > 0.0)
+            .collect();
+        if usable.iter().map(|a| weight(a)).sum::<f64>() < 0.5 * all {
             continue;
         }
-        if cost(likeliest) < least_cost {
+        if let Some(likeliest) = usable.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
+            && cost(likeliest) < least_cost
+        {
             least_cost = cost(likeliest);
             best = Some(likeliest.curve);
         }
-        answers.extend(of.iter().map(|a| (cost(a), a.curve.best, a.sigma)));
+        answers.extend(usable.iter().map(|a| (cost(a), a.curve.best, a.sigma)));
     }
     let best = best.map(|mut curve| {
         let weigh =

@@ -31,7 +31,7 @@ const SCATTER: f64 = 0.02;
 pub struct Sharpness {
     /// Half-flux radius, px of the frame: weighted mean over the stars.
     pub hfr_px: f64,
-    /// Standard uncertainty of it by the light's own noise, px: how stars differ over the field is the same in all frames, and what the air does shows in the curve alone.
+    /// Standard uncertainty of it by the light's own noise, px, wider where stars differ by more than 2 % beyond it. What the air does shows in the curve alone.
     pub sigma_px: f64,
     /// Stars that were measured.
     pub stars: usize,
@@ -283,6 +283,9 @@ pub fn sharpness(frame: &Frame) -> Option<Sharpness> {
     let weights: Vec<f64> = kept.iter().map(|star| error(star).powi(-2)).collect();
     let total: f64 = weights.iter().sum();
     let mean = kept.iter().zip(&weights).map(|(star, w)| star.hfr * w).sum::<f64>() / total;
-    let noise = kept.iter().zip(&weights).map(|(star, w)| star.sigma * w).map(|s| s * s);
-    Some(Sharpness { hfr_px: mean, sigma_px: noise.sum::<f64>().sqrt() / total, stars: kept.len() })
+    let noise: f64 = kept.iter().zip(&weights).map(|(star, w)| (star.sigma * w).powi(2)).sum();
+    let chi2: f64 = kept.iter().zip(&weights).map(|(s, w)| (s.hfr - mean).powi(2) * w).sum();
+    let scale = if kept.len() > 1 { (chi2 / (kept.len() - 1) as f64).max(1.0) } else { 1.0 };
+    let sigma_px = (scale * noise).sqrt() / total;
+    Some(Sharpness { hfr_px: mean, sigma_px, stars: kept.len() })
 }
