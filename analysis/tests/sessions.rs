@@ -122,7 +122,7 @@ fn judged(found: &SessionPeriods, truth: f64) -> Judged {
 /// the truth; where four harmonics fit best at the true period, 80 % are answered: by it, or by a family with it. Intervals of single answers hold the truth in 92 % or more. docs/uncertainty.md counts the bodies.
 #[test]
 fn campaign_session_periods() {
-    let columns = &["single", "below", "above", "pull", "half", "error"];
+    let columns = &["single", "below", "above", "pull", "half", "error", "sigma", "counts"];
     let mut campaign = Campaign::in_shards("session_periods", 500, 15, columns);
     let mut counts = [0_usize; 6];
     let (mut held, mut fits, mut answered) = (0, 0, 0);
@@ -136,7 +136,7 @@ fn campaign_session_periods() {
             fits += 1;
             answered += usize::from(is_answer);
         }
-        let mut row = [0.0; 6];
+        let mut row = [0.0; 8];
         if answer == Judged::Single {
             let (period_s, within) = (found.members[0].period_s, found.members[0].interval_s);
             held += usize::from(within.contains(made.period_s));
@@ -144,7 +144,11 @@ fn campaign_session_periods() {
             let half = 0.5 * (within.high - within.low) / made.period_s;
             let [below, above] =
                 [within.low > made.period_s, within.high < made.period_s].map(f64::from);
-            row = [1.0, below, above, error / (half / 1.96), half, error];
+            let member = &found.members[0];
+            let (sigma, counts) = (member.sigma_s / made.period_s, member.cycle_counts as f64);
+            // In millionths: a file keeps four decimals.
+            let [half, error, sigma] = [half, error, sigma].map(|relative| 1e6 * relative);
+            row = [1.0, below, above, error / (half / 1.96), half, error, sigma, counts];
         }
         campaign.keep(seed, &row);
         if matches!(answer, Judged::Wrong | Judged::FamilyWithout) {

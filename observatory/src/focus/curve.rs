@@ -6,6 +6,8 @@
 //! other stars in the aperture. Few points tell s badly. So x₀ is asked of every s from 0.01 % to 30 % and of both shapes, and each answer counts by its
 //! likelihood (restricted, Patterson and Thompson 1971, with each factor in s and the light's noise together as likely as another). Intervals are those of all answers together. With nothing
 //! but s they are Student's; points that lie on the curve by chance make none that is narrower than the light's noise.
+//!
+//! Up to two points may be wrong: far out of focus a hot pixel is brighter than the stars. Those that fit least are left out, and what is left answers, too, by its likelihood: one point in twenty is taken to be wrong.
 
 use serde::Serialize;
 use std::f64::consts::SQRT_2;
@@ -17,6 +19,8 @@ pub const FEWEST: usize = 5;
 const EACH_SIDE: usize = 2;
 /// Multiple of the least radius up to which points are fitted: farther out the curve is no longer that of the model.
 const REACH: f64 = 4.0;
+/// Scatter of radii beyond which they are on no curve, as a part of them.
+const NO_CURVE: f64 = 0.28;
 /// Scatter of radii by the air, as a part of them, where no curve tells it.
 const TYPICAL: f64 = 0.02;
 
@@ -183,9 +187,151 @@ struct Answer {
     bends: f64,
     /// Standard uncertainty of the best position, steps.
     sigma: f64,
-    /// Twice the negative logarithm of the likelihood, and what the restricted one adds to it.
+    /// Twice the negative logarithm of the likelihood with its prior.
     cost: f64,
-    restricted: f64,
+}
+
+/// Part of the points that are wrong for reasons of their own: a hot pixel where all stars are too faint, a star that is lost. They lie anywhere up to the largest radius.
+const WRONG: f64 = 0.05;
+/// Points that are left out at most.
+const MOST_WRONG: usize = 2;
+
+/// So many points are tried in all pairs.
+const MOST_PAIRED: usize = 15;
+
+/// Points but for some.
+fn but(points: &[Point], is_out: impl Fn(usize) -> bool) -> Vec<Point> {
+    points.iter().enumerate().filter(|(k, _)| !is_out(*k)).map(|(_, p)| *p).collect()
+}
+
+/// Points by position, and how these become small numbers.
+struct Points {
+    /// Middle and half of the reach, steps.
+    middle: f64,
+    scale: f64,
+    /// Largest radius and a middle one, px.
+    most: f64,
+    typical: f64,
+    /// Light's noise as a part of the radius.
+    light: f64,
+}
+
+impl Points {
+    /// The answer of some points, `wrong` of which were left out; `None` where they do not determine a curve.
+    fn answer(&self, used: &[Point], wrong: usize, shape: Shape, scatter: f64) -> Option<Answer> {
+        let noise = |p: &Point| p.sigma_px.hypot(scatter * p.hfr_px);
+        let of = |p: &Point| {
+            let u = (p.position - self.middle) / self.scale;
+            match shape {
+                Shape::Hyperbola => (u, p.hfr_px.powi(2), 2.0 * p.hfr_px * noise(p)),
+                Shape::Parabola => (u, p.hfr_px, noise(p)),
+            }
+        };
+        let rows: Vec<_> = used.iter().map(of).collect();
+        let (coefficients, covariance, volume) = quadratic(&rows)?;
+        let [_, c1, c2] = coefficients;
+        let u = -c1 / (2.0 * c2);
+        // ∂u/∂c₁ = −1/2c₂, ∂u/∂c₂ = −u/c₂.
+        let (by1, by2) = (-0.5 / c2, -u / c2);
+        let variance = by1 * by1 * covariance[1][1]
+            + 2.0 * by1 * by2 * covariance[1][2]
+            + by2 * by2 * covariance[2][2];
+        let mut curve = Curve {
+            shape,
+            best: self.middle + self.scale * u,
+            sigma: 0.0,
+            half_width_95: 0.0,
+            least_px: 0.0,
+            chi2: 0.0,
+            scatter,
+            fitted: used.len(),
+            coefficients,
+            middle: self.middle,
+            scale: self.scale,
+        };
+        curve.least_px = curve.at(curve.best);
+        // Held against the points in px for both shapes, so that they can be compared.
+        let off = |p: &Point| {
+            let value = curve.at(p.position);
+            p.hfr_px - if value.is_finite() { value } else { 0.0 }
+        };
+        let chi2 = used.iter().map(|p| (off(p) / p.sigma_px).powi(2)).sum();
+        let right: f64 = used
+            .iter()
+            .map(|p| (off(p) / noise(p)).powi(2) + 2.0 * (noise(p) / (1.0 - WRONG)).ln())
+            .sum();
+        curve.chi2 = chi2;
+        let left_out = 2.0 * wrong as f64 * (self.most / WRONG).ln();
+        // Three coefficients take the 2π of as many points.
+        let turn = (used.len() as f64 - 3.0) * std::f64::consts::TAU.ln();
+        // The shapes' coefficients have other units: at a middle radius both are px.
+        let unit = match shape {
+            Shape::Hyperbola => 6.0 * (2.0 * self.typical).ln(),
+            Shape::Parabola => 0.0,
+        };
+        // Each factor in light's noise and scatter together is as likely as another: a scatter far below the noise is hardly one.
+        let prior = -2.0 * (scatter / (scatter + self.light)).ln();
+        let cost = right + left_out + turn + volume.ln() + unit + prior;
+        let bends = c2 / covariance[2][2].sqrt();
+        let sigma = self.scale * variance.max(0.0).sqrt();
+        cost.is_finite().then_some(Answer { curve, bends, sigma, cost })
+    }
+
+    /// All answers of some points, and the least cost of them.
+    fn answers(&self, used: &[Point], wrong: usize) -> ([Vec<Answer>; 2], f64) {
+        let of = [Shape::Hyperbola, Shape::Parabola].map(|shape| -> Vec<Answer> {
+            scatters().filter_map(|scatter| self.answer(used, wrong, shape, scatter)).collect()
+        });
+        let least = of.iter().flatten().map(|a| a.cost).fold(f64::INFINITY, f64::min);
+        (of, least)
+    }
+
+    /// Best curve and the interval by all answers: with all points, and with those left out that fit least.
+    fn best(&self, every: &[Point]) -> Option<Curve> {
+        let mut used = every.to_vec();
+        let mut all: Vec<Answer> = Vec::new();
+        let mut wrong = 0;
+        let (mut shapes, _) = self.answers(&used, wrong);
+        loop {
+            for answers in shapes {
+                let least = answers.iter().map(|a| a.cost).fold(f64::INFINITY, f64::min);
+                let weight = |a: &Answer| (-0.5 * (a.cost - least)).exp();
+                let whole: f64 = answers.iter().map(weight).sum();
+                let usable: Vec<Answer> = answers
+                    .into_iter()
+                    .filter(|a| a.bends > 3.0 && a.curve.least_px > 0.0 && a.sigma > 0.0)
+                    .collect();
+                if usable.iter().map(weight).sum::<f64>() >= 0.5 * whole {
+                    all.extend(usable);
+                }
+            }
+            if wrong == MOST_WRONG || used.len() <= FEWEST {
+                break;
+            }
+            wrong += 1;
+            // Two that are wrong may hide one another: few points are tried in all pairs, many one after the other.
+            let n = every.len();
+            let left: Vec<Vec<Point>> = if wrong == 2 && n <= MOST_PAIRED {
+                let pairs = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+                pairs.map(|(i, j)| but(every, |k| k == i || k == j)).collect()
+            } else {
+                (0..used.len()).map(|i| but(&used, |k| k == i)).collect()
+            };
+            let tried = left.into_iter().map(|rest| {
+                let (shapes, least) = self.answers(&rest, wrong);
+                (least, rest, shapes)
+            });
+            let next = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            (used, shapes) = (next.1, next.2);
+        }
+        let likeliest = all.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let (least, mut curve) = (likeliest.cost, likeliest.curve);
+        let weigh = |a: &Answer| ((-0.5 * (a.cost - least)).exp(), a.curve.best, a.sigma);
+        let mixture: Vec<_> = all.iter().map(weigh).collect();
+        curve.sigma = half_width(&mixture, curve.best, 0.682_689);
+        curve.half_width_95 = half_width(&mixture, curve.best, 0.95);
+        Some(curve)
+    }
 }
 
 /// Half of the interval about a middle that holds a share of a mixture of (weight, place, σ).
@@ -221,7 +367,10 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
     }
     let of = |fold: fn(f64, f64) -> f64, start| all.iter().map(|p| p.hfr_px).fold(start, fold);
     let (least, most) = (of(f64::min, f64::INFINITY), of(f64::max, 0.0));
-    let near: Vec<Point> = all.iter().filter(|p| p.hfr_px <= REACH * least).copied().collect();
+    // The lowest may be a hot pixel.
+    let mut radii: Vec<f64> = all.iter().map(|p| p.hfr_px).collect();
+    radii.sort_by(f64::total_cmp);
+    let near: Vec<Point> = all.iter().filter(|p| p.hfr_px <= REACH * radii[1]).copied().collect();
     let used = if near.len() >= FEWEST { near } else { all.clone() };
     let (from, to) = (all[0].position, all[all.len() - 1].position);
     let middle = used.iter().map(|p| p.position).sum::<f64>() / used.len() as f64;
@@ -229,88 +378,9 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
     if scale <= 0.0 {
         return Err(CurveError::TooFew { found: 1, sharpest: lowest });
     }
-    let freedom = used.len() - 3;
-    let answer = |shape: Shape, scatter: f64| {
-        let noise = |p: &Point| p.sigma_px.hypot(scatter * p.hfr_px);
-        let of = |p: &Point| {
-            let u = (p.position - middle) / scale;
-            match shape {
-                Shape::Hyperbola => (u, p.hfr_px.powi(2), 2.0 * p.hfr_px * noise(p)),
-                Shape::Parabola => (u, p.hfr_px, noise(p)),
-            }
-        };
-        let rows: Vec<_> = used.iter().map(of).collect();
-        let (coefficients, covariance, volume) = quadratic(&rows)?;
-        let [_, c1, c2] = coefficients;
-        let u = -c1 / (2.0 * c2);
-        // ∂u/∂c₁ = −1/2c₂, ∂u/∂c₂ = −u/c₂.
-        let (by1, by2) = (-0.5 / c2, -u / c2);
-        let variance = by1 * by1 * covariance[1][1]
-            + 2.0 * by1 * by2 * covariance[1][2]
-            + by2 * by2 * covariance[2][2];
-        let mut curve = Curve {
-            shape,
-            best: middle + scale * u,
-            sigma: 0.0,
-            half_width_95: 0.0,
-            least_px: 0.0,
-            chi2: 0.0,
-            scatter,
-            fitted: used.len(),
-            coefficients,
-            middle,
-            scale,
-        };
-        curve.least_px = curve.at(curve.best);
-        // Held against the points in px for both shapes, so that they can be compared.
-        let off = |p: &Point| {
-            let value = curve.at(p.position);
-            p.hfr_px - if value.is_finite() { value } else { 0.0 }
-        };
-        let chi2 = used.iter().map(|p| (off(p) / p.sigma_px).powi(2)).sum();
-        let cost = used.iter().map(|p| (off(p) / noise(p)).powi(2) + 2.0 * noise(p).ln()).sum();
-        curve.chi2 = chi2;
-        let bends = c2 / covariance[2][2].sqrt();
-        let sigma = scale * variance.max(0.0).sqrt();
-        Some(Answer { curve, bends, sigma, cost, restricted: volume.ln() })
-    };
-    // Each factor in light's noise and scatter together is as likely as another: a scatter far below the noise is hardly one.
     let light = median(used.iter().map(|p| p.sigma_px / p.hfr_px)).unwrap_or(0.0);
-    let prior = |s: f64| -2.0 * (s / (s + light)).ln();
-    let mut answers = Vec::new();
-    let mut least_cost = f64::INFINITY;
-    let mut best: Option<Curve> = None;
-    for shape in [Shape::Hyperbola, Shape::Parabola] {
-        let of: Vec<Answer> = scatters().filter_map(|s| answer(shape, s)).collect();
-        // The restricted part has the units of the shape's own numbers.
-        let Some(reference) = of.first().map(|a| a.restricted) else { continue };
-        let cost = |a: &Answer| a.cost + a.restricted - reference + prior(a.curve.scatter);
-        let least = of.iter().map(cost).fold(f64::INFINITY, f64::min);
-        let weight = |a: &Answer| (-0.5 * (cost(a) - least)).exp();
-        let all: f64 = of.iter().map(weight).sum();
-        let usable: Vec<&Answer> = of
-            .iter()
-            .filter(|a| a.bends > 3.0 && a.curve.least_px > 0.0 && a.sigma > 0.0)
-            .collect();
-        if usable.iter().map(|a| weight(a)).sum::<f64>() < 0.5 * all {
-            continue;
-        }
-        if let Some(likeliest) = usable.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
-            && cost(likeliest) < least_cost
-        {
-            least_cost = cost(likeliest);
-            best = Some(likeliest.curve);
-        }
-        answers.extend(usable.iter().map(|a| (cost(a), a.curve.best, a.sigma)));
-    }
-    let best = best.map(|mut curve| {
-        let weigh =
-            |(cost, at, sigma): (f64, f64, f64)| ((-0.5 * (cost - least_cost)).exp(), at, sigma);
-        let mixture: Vec<_> = answers.into_iter().map(weigh).collect();
-        curve.sigma = half_width(&mixture, curve.best, 0.682_689);
-        curve.half_width_95 = half_width(&mixture, curve.best, 0.95);
-        curve
-    });
+    let typical = median(used.iter().map(|p| p.hfr_px)).unwrap_or(least);
+    let best = Points { middle, scale, most, typical, light }.best(&used);
     let lowest = lowest.unwrap_or(middle);
     let edge = |best: f64, next: f64| CurveError::AtEdge { best, from, to, next };
     let Some(curve) = best else {
@@ -332,9 +402,9 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
         let next = curve.best.clamp(from - reach, to + reach);
         return Err(edge(curve.best, next));
     }
-    let times = (curve.chi2 / freedom as f64).sqrt();
+    let times = (curve.chi2 / (curve.fitted - 3) as f64).sqrt();
     // Away from any curve, the lowest point of one says nothing.
-    if times > 10.0 && used.iter().any(|p| (p.hfr_px - curve.at(p.position)).abs() > 0.5 * least) {
+    if times > 3.0 && curve.scatter > NO_CURVE {
         return Err(CurveError::NoCurve { times });
     }
     Ok(curve)
