@@ -224,7 +224,7 @@ impl TensorFile {
             .map(|&(name, ..)| name)
             .collect();
         if !missing.is_empty() {
-            return Err(ParseError::new(&path, "no such field", "a measured material")
+            return Err(ParseError::new(path, "no such field", "a measured material")
                 .in_field(missing.join(", ")));
         }
         for &(name, type_name, axes) in needed() {
@@ -233,7 +233,7 @@ impl TensorFile {
             {
                 let found = format!("{} with {} axes", tensor.data.type_name(), tensor.shape.len());
                 let expected = format!("{type_name} with {axes} axes");
-                return Err(ParseError::new(&path, found, expected).in_field(name));
+                return Err(ParseError::new(path, found, expected).in_field(name));
             }
         }
         Ok(())

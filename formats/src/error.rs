@@ -60,8 +60,8 @@ impl ParseError {
             path: path.to_path_buf(),
             line: None,
             field: None,
-            found: found,
-            expected: expected,
+            found,
+            expected,
             hint: None,
         }))
     }

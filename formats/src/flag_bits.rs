@@ -60,7 +60,7 @@ impl<F: Flags<Bits = u32>> Numbering<F> {
 
     fn read_at(path: &Path, bits: Option<&Value>) -> Result<Self, ParseError> {
         let wrong = |found: String, expected: String| {
-            ParseError::new(&path, found, expected).in_field("flag_bits")
+            ParseError::new(path, found, expected).in_field("flag_bits")
         };
         let mut ours = [0; 32];
         let mut names: [Option<&str>; 32] = [None; 32];

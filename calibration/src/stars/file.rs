@@ -209,7 +209,7 @@ impl Nights {
     }
 
     fn from_table_at(path: &Path, table: &Table) -> Result<Self, ParseError> {
-        let read = Reading { path: path, table };
+        let read = Reading { path, table };
         read.version()?;
         let listed = table.meta.get("nights").and_then(Value::as_array);
         let listed = listed.ok_or_else(|| read.wrong("nights", "no list", "a list of nights"))?;

@@ -34,7 +34,7 @@ impl Document {
     }
 
     fn new_at(path: &Path, source: String) -> Result<Self, ParseError> {
-        let document = Self { path: path.to_path_buf(), source: source };
+        let document = Self { path: path.to_path_buf(), source };
         match document.tree() {
             Ok(_) => Ok(document),
             // A file of another kind is named as that, and not by its first line.
