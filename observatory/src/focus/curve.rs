@@ -180,7 +180,7 @@ fn scatters() -> impl Iterator<Item = f64> {
     (0..SCATTERS).map(move |i| (least + (most - least) * i as f64 / (SCATTERS - 1) as f64).exp())
 }
 
-/// What a shape and a scatter answer.
+/// Answer of a shape and a scatter.
 struct Answer {
     curve: Curve,
     /// The curvature over its standard uncertainty.
@@ -196,7 +196,7 @@ const WRONG: f64 = 0.05;
 /// Points that are left out at most.
 const MOST_WRONG: usize = 2;
 
-/// So many points are tried in all pairs.
+/// Number of points up to which all pairs are tried.
 const MOST_PAIRED: usize = 15;
 
 /// Points but for some.
